@@ -1,6 +1,6 @@
 """How well the servo keeps 1 kHz, and how well it renders the simulation.
 
-    python -m benchmarks.servo [--seconds 10] [--contact-step MS] [--json FILE]
+    python -m benchmarks.servo [--scenario device] [--seconds 10] [--contact-step MS] [--json FILE]
 
 1. The servo's process, with the loopback device, beside the simulation on the wall's clock: alone, with the page open
    in a headless Chromium, and beside a busy process on each core. Columns: percentiles of the time between two ticks;
@@ -264,23 +264,24 @@ def energy_generated(scenario: Scenario, path: Callable[[float], Array]) -> floa
 
 
 def main(
+    scenario: Annotated[str, typer.Option(help="Of the peg and hole; its engine is served.")] = "device",
     seconds: Annotated[float, typer.Option(min=1.0, help="Time in each condition, s.")] = 10.0,
     contact_step: Annotated[
         float | None, typer.Option(min=1.0, metavar="MS", help="Step of the contact, in place of the scenario's.")
     ] = None,
     json: JsonFile = None,
 ) -> None:
-    scenario = load_scenario("device")
+    chosen = load_scenario(scenario, defaults=load_scenario("device"))
     if contact_step is not None:
-        scenario.contact.time_step = 1e-3 * contact_step
-    conditions = timings(resolve_scenario(scenario, seed=HANDS[0], stream=LIVE_STREAM), seconds)
+        chosen.contact.time_step = 1e-3 * contact_step
+    conditions = timings(resolve_scenario(chosen, seed=HANDS[0], stream=LIVE_STREAM), seconds)
     hands, energies = {}, {}
     with progress("force and energy", len(HANDS) + len(list(paths()))) as advance:
         for seed in HANDS:
-            hands[seed] = force_errors(resolve_scenario(scenario, seed=seed, stream=DEMONSTRATION_STREAM))
+            hands[seed] = force_errors(resolve_scenario(chosen, seed=seed, stream=DEMONSTRATION_STREAM))
             advance(f"hand {seed}")
         for name, path in paths():
-            resolved = resolve_scenario(scenario, seed=HANDS[0], stream=DEMONSTRATION_STREAM)
+            resolved = resolve_scenario(chosen, seed=HANDS[0], stream=DEMONSTRATION_STREAM)
             energies[name] = 1e3 * energy_generated(resolved, path)
             advance(name)
     show(conditions, hands, energies)

@@ -121,26 +121,31 @@ FOLLOWERS = (
 """Keys of a scenario that follow its geometry."""
 
 
-def following(scenario: Scenario) -> Scenario:
-    """Returns a copy in which the `FOLLOWERS` are those of the geometry; those of the nominal one are nominal.
+def following(scenario: Scenario, base: Scenario = NOMINAL) -> Scenario:
+    """Returns a copy in which the `FOLLOWERS` are those of the geometry, and those of the base at its geometry.
 
     Args:
         scenario: Scenario whose numbers are within their limits, and whose clearance can be resolved; not modified.
+        base: Valid scenario; what follows other sizes than its own, follows from its values.
     """
-    chosen, nominal = copied(scenario), NOMINAL
+    chosen, g, own = copied(scenario), scenario.geometry, base.geometry
     for path in FOLLOWERS:
         group, name = path.split(".")
-        setattr(getattr(chosen, group), name, getattr(getattr(nominal, group), name))
-    chosen = start_of_clearance(numerics_of_clearance(chosen))
-    g, own = chosen.geometry, nominal.geometry
-    if scenario.contact.engine == "exact" or step_of_clearance(g.clearance) == nominal.contact.time_step:
-        chosen.contact.time_step = nominal.contact.time_step
+        setattr(getattr(chosen, group), name, getattr(getattr(base, group), name))
+    if math.isclose(g.clearance, own.clearance, rel_tol=TOLERANCE):
+        chosen.geometry.facets = max(own.facets, FREE_FACETS if scenario.fixture == FREE_FIXTURE else 0)
+    else:
+        chosen = numerics_of_clearance(chosen)
+    if scenario.contact.engine == "exact" or step_of_clearance(g.clearance) == NOMINAL.contact.time_step:
+        chosen.contact.time_step = base.contact.time_step
+    if relative_entry_tilt(scenario) != relative_entry_tilt(base):
+        chosen = start_of_clearance(chosen)
     deeper, size = max(0.0, g.hole_depth - own.hole_depth), g.peg_radius / own.peg_radius
-    g.peg_length += deeper
+    chosen.geometry.peg_length += deeper
     chosen.sensor.height += deeper
-    g.block_radius += (1.0 if g.is_round else CORNER) * max(0.0, g.hole_radius - own.hole_radius)
+    chosen.geometry.block_radius += (1.0 if g.is_round else CORNER) * max(0.0, g.hole_radius - own.hole_radius)
     chosen.start.height *= max(1.0, size)
-    travel = (chosen.start.height + g.hole_depth) / (nominal.start.height + own.hole_depth)
+    travel = (chosen.start.height + g.hole_depth) / (base.start.height + own.hole_depth)
     for limited in (chosen.recorder, chosen.trial):
         limited.time_limit *= max(1.0, travel)
     chosen.stepper.holding_torque *= size
@@ -148,7 +153,7 @@ def following(scenario: Scenario) -> Scenario:
     chosen.coupling.angular_stiffness *= size
     chosen.coupling.angular_damping *= size
     chosen.coupling.torque_scale /= size
-    heavier = _guided_damping(chosen) / _guided_damping(nominal)
+    heavier = _guided_damping(chosen) / _guided_damping(base)
     chosen.coupling.peg_inertia *= heavier
     chosen.operator.insertion_speed *= min(1.0, size**2 / heavier)
     chosen.trial.full_depth_margin = max(chosen.trial.full_depth_margin, seating_error(scenario) + MARGIN)
@@ -176,10 +181,10 @@ def largest_start_tilt(scenario: Scenario) -> float:
     return math.sqrt(2.0) * scenario.start.demonstrated_tilt_range
 
 
-def followed(scenario: Scenario) -> str:
-    """Returns the keys that follow the geometry with their values in SI units, where these are not the nominal ones."""
-    own, nominal, rule = ({path: v for path, v, _ in leaves(s)} for s in (scenario, NOMINAL, following(scenario)))
-    return ", ".join(f"{path} {own[path]:.3g}" for path in FOLLOWERS if own[path] == rule[path] != nominal[path])
+def followed(scenario: Scenario, base: Scenario = NOMINAL) -> str:
+    """Returns the keys that follow the geometry, with values in SI units, where these are not those of the base."""
+    own, given, rule = ({path: v for path, v, _ in leaves(s)} for s in (scenario, base, following(scenario, base)))
+    return ", ".join(f"{path} {own[path]:.3g}" for path in FOLLOWERS if own[path] == rule[path] != given[path])
 
 
 def facets_of_clearance(*, hole_radius: float, clearance: float, spins: bool) -> int:

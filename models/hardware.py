@@ -1,7 +1,8 @@
 """Defines the hardware parameters in SI units, each with its source, and the presets of the haptic devices.
 
 Sources: [paper] the source paper; [driver] defaults published for the device in open haptics frameworks; [sheet] a
-manufacturer's data sheet; [choice] chosen here for a plausible laboratory rig.
+manufacturer's data sheet; [maker] tutorials 05 and 06 of the Inverse Service 3.5 at docs.haply.co; [seller] the figures
+of the Inverse3 that a seller of it publishes; [choice] chosen here for a plausible laboratory rig.
 """
 
 import math
@@ -20,10 +21,11 @@ class HapticDeviceParameters:
     angle_resolution: float = 5.0e-5  # in units of rad [choice]
     peak_force: float = 22.0  # in units of N [paper]
     sustained_force: float = 3.0  # in units of N [paper]
-    peak_torque: float = 0.670  # in units of N m [paper]
+    peak_torque: float = 0.670  # in units of N m; zero: the device has no motors that turn the hand [paper]
     sustained_torque: float = 0.104  # in units of N m [paper]
     thermal_time_constant: float = 10.0  # in units of s; averaging time of the sustained limit [choice]
     servo_period: float = 1e-3  # in units of s [sheet]
+    delay: float = 0.0  # in units of s, of the force beyond the servo's tick, whole periods [choice]
     # Damping of the device and the gripping hand, and friction of the device; the stability margins depend on them.
     grip_damping: float = 10.0  # in units of N s/m [choice]
     grip_angular_damping: float = 0.02  # in units of N m s/rad [choice]
@@ -48,6 +50,17 @@ DEVICE_PRESETS: dict[str, HapticDeviceParameters] = {
         max_damping=5.0,  # [driver]
         max_angular_stiffness=0.3,  # [driver]
         max_angular_damping=0.004,  # [driver]
+    ),
+    "inverse3": HapticDeviceParameters(
+        name="inverse3",
+        workspace_radius=0.10,  # a sphere within 510 x 460 x 230 mm [maker]
+        position_resolution=0.01e-3,  # [seller]
+        peak_force=10.0,  # [seller]
+        sustained_force=4.0,  # the maximum within 80 % of the workspace [seller]
+        peak_torque=0.0,
+        sustained_torque=0.0,
+        delay=1e-3,  # of the service and USB [choice]
+        max_stiffness=1000.0,  # [seller]
     ),
 }
 

@@ -85,8 +85,8 @@ def load_scenario(
     Args:
         name: Name of a scenario in ``models/scenarios``, or path of a YAML file.
         engine: One of `ENGINES`, in place of the scenario's; None keeps that.
-        defaults: Values of the keys that are missing in the file; it is not changed. None: those of `Scenario`, or what
-            follows from the geometry (see `models.clearance`).
+        defaults: Values of the keys that are missing in the file, or what follows from them at another geometry (see
+            `models.clearance`); it is not changed. None: those of `Scenario`.
 
     Raises:
         ValueError: Naming the file and the problem, e.g. an unknown key, a wrong type or an impossible geometry.
@@ -124,12 +124,11 @@ def parse_scenario(text: str, where: str, *, engine: str | None = None, defaults
     check_document(document, Scenario, where)
     if engine is not None:
         document.setdefault("contact", {})["engine"] = engine
-    if defaults is None:
-        known = _loaded(document, Scenario(), where)
-        raise_first(number_violations(known), where)
-        resolved = known.geometry.clearance >= minimum_clearance(known.geometry.hole_radius)
-        defaults = following(known) if resolved else known
-    scenario = _loaded(document, defaults, where)
+    base = Scenario() if defaults is None else defaults
+    known = _loaded(document, base, where)
+    raise_first(number_violations(known), where)
+    resolved = known.geometry.clearance >= minimum_clearance(known.geometry.hole_radius)
+    scenario = _loaded(document, following(known, base) if resolved else known, where)
     validate_scenario(scenario, where)
     return scenario
 
@@ -235,6 +234,9 @@ def _limit_violations(scenario: Scenario) -> Iterator[Violation]:
     if not guard.soft_force < guard.hold_force < guard.force_limit:
         bound = f"above soft_force {guard.soft_force} N and below force_limit {guard.force_limit} N"
         yield Violation("controller.guard.hold_force", f"{guard.hold_force} N", bound)
+    if scenario.coupling.torque_scale > 0.0 and DEVICE_PRESETS[scenario.device].peak_torque == 0.0:
+        bound = f"0: the device '{scenario.device}' renders no torque"
+        yield Violation("coupling.torque_scale", scenario.coupling.torque_scale, bound)
     if operator.correction_time > operator.correction_period:
         bound = f"above 0 and at most operator.correction_period {operator.correction_period} s"
         yield Violation("operator.correction_time", f"{operator.correction_time} s", bound)

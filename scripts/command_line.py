@@ -105,7 +105,7 @@ Overwrite = Annotated[
 ]
 Trials = Annotated[int, typer.Option("--trials", min=1, max=MAX_TRIALS, help="Number of insertions on the rig.")]
 Driver = Annotated[
-    str | None, typer.Option(help="With --live: name of your device driver, or 'spacemouse' (see docs/haptics.md).")
+    str | None, typer.Option(help="With --live: 'inverse3', 'spacemouse' or your device driver (see docs/haptics.md).")
 ]
 Host = Annotated[
     str | None,
@@ -114,7 +114,7 @@ Host = Annotated[
 Port = Annotated[int | None, typer.Option(help="With --live: port of the page.", show_default="a free one")]
 
 
-def read_scenario(name: str, engine: str | None = None) -> Scenario:
+def read_scenario(name: str, engine: str | None = None, *, defaults: Scenario | None = None) -> Scenario:
     """Reads the scenario of a command; says what of it follows the geometry, and why its peg may not be inserted.
 
     Raises:
@@ -123,10 +123,10 @@ def read_scenario(name: str, engine: str | None = None) -> Scenario:
     """
     from interfaces.terminal import say
     from models.clearance import doubts, followed
-    from models.scenario import load_scenario
+    from models.scenario import Scenario, load_scenario
 
-    scenario = load_scenario(name, engine)
-    chosen = followed(scenario)
+    scenario = load_scenario(name, engine, defaults=defaults)
+    chosen = followed(scenario, defaults or Scenario())
     if chosen:
         say(f"follows the geometry (SI units): {chosen}")
     for doubt in doubts(scenario):

@@ -100,8 +100,6 @@ def main(
         raise typer.BadParameter("--ask and --overwrite are not for --live: live recordings are never deleted")
     if not live and {driver, host, port} != {None}:
         raise typer.BadParameter("--driver, --host and --port need --live")
-    if live and engine is not None:
-        raise typer.BadParameter("--engine is not for --live: what the hand feels comes from Drake's contact")
     if json is not None and not ask:
         raise typer.BadParameter("--json needs --ask")
     from experiments.corrections import CorrectionPlan
@@ -117,7 +115,7 @@ def main(
     files = (skill, demonstrations, folder, out, plan)
     if live:
         page: dict[str, Any] = {"driver": driver, "host": host, "port": port, "verbose": verbose}
-        correct_live(*files, scenario=scenario, jobs=jobs, **page)
+        correct_live(*files, scenario=scenario, engine=engine, jobs=jobs, **page)
     else:
         correct_simulated(*files, scenario=scenario, engine=engine, jobs=jobs, overwrite=overwrite)
     if out.is_file():
@@ -324,6 +322,7 @@ def correct_live(
     plan: CorrectionPlan,
     *,
     scenario: str,
+    engine: str | None,
     jobs: int,
     verbose: bool,
     driver: str | None,
@@ -333,9 +332,9 @@ def correct_live(
     """Does on one page what `correct_simulated` does, with a person who demonstrates; then shows the rig.
 
     The arguments are those of the command. Demonstrations take the values that the scenario ``live``, or ``device``
-    with a driver, states instead of those of the rig. Kept corrections are written at once into the folder
-    ``corrections``, which `open_live_folder` protects; the skill learns from all that are there. A query state that a
-    good recording there begins in is not asked for again.
+    with a driver or the exact engine, states instead of those of the rig. Kept corrections are written at once into the
+    folder ``corrections``, which `open_live_folder` protects; the skill learns from all that are there. A query state
+    that a good recording there begins in is not asked for again.
 
     Raises:
         ValueError: if the skill file, the scenario, the driver or a folder is not valid, or the recordings have not all
@@ -346,18 +345,21 @@ def correct_live(
 
     from experiments.corrections import begins_in, correct
     from experiments.outputs.output_set import find_recordings, open_live_folder
+    from experiments.self_test import hold_pace
     from interfaces.live.correction_session import CorrectionSession, PersonLeftError
     from interfaces.terminal import say
     from models.scenario import load_scenario
-    from scripts.record import announced_page, live_margins
+    from scripts.record import announced_page, live_margins, live_scenario_name
     from skill.data.demonstration import read_demonstration
     from skill.data.geometry import common_geometry
     from systems.law import check_geometry
 
-    chosen, learnt, train = begin(skill, demonstrations, corrections, out, plan, scenario)
-    shown_in = load_scenario("device" if driver else "live", defaults=chosen)
+    chosen, learnt, train = begin(skill, demonstrations, corrections, out, plan, scenario, engine)
+    shown_in = load_scenario(live_scenario_name(driver, chosen.contact.engine), defaults=chosen)
     margins = live_margins(shown_in, driver)
     check_geometry(chosen, learnt)
+    pace = hold_pace(shown_in)
+    shown_in = pace.scenario
     learnt_from = 0  # number of the corrections kept in this session that the last training had
 
     def recorded() -> list[Demonstration]:
@@ -403,7 +405,7 @@ def correct_live(
         if earlier:
             good = sum(d.good for d in earlier)
             say(f"{corrections} holds {len(earlier)} corrections, {good} good; the skill learns from them too")
-        with announced_page(margins, host=host, port=port, verbose=verbose) as page:
+        with announced_page(margins, pace, host=host, port=port, verbose=verbose) as page:
             session = CorrectionSession(
                 scenario=shown_in, seed=plan.seed, out=corrections, page=page, announce=say, driver=driver
             )

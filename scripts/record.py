@@ -27,6 +27,7 @@ from scripts.command_line import (
 )
 
 if TYPE_CHECKING:
+    from experiments.self_test import HeldPace
     from interfaces.live.page import LivePage
     from models.scenario import Scenario
     from systems.haptics.coupling_margins import Margin
@@ -80,8 +81,6 @@ def main(
         raise typer.BadParameter("--overwrite is not for --live: live recordings are never deleted")
     if not live and {driver, host, port, asked, observer} != {None}:
         raise typer.BadParameter("--driver, --host, --port, --asked and --observer need --live")
-    if live and engine is not None:
-        raise typer.BadParameter("--engine is not for --live: what the hand feels comes from Drake's contact")
     if live:
         from experiments.outputs.output_set import open_live_folder
 
@@ -90,7 +89,8 @@ def main(
             record_live(
                 out=folder,
                 seed=seed,
-                scenario=scenario or ("device" if driver else "live"),
+                scenario=scenario or live_scenario_name(driver, engine),
+                engine=engine,
                 driver=driver,
                 host=host,
                 port=port,
@@ -177,14 +177,16 @@ def record_live(
     driver: str | None,
     port: int | None,
     host: str | None = None,
+    engine: str | None = None,
     asked: Path | None = None,
     observer: Path | None = None,
     verbose: bool = False,
 ) -> list[Path]:
     """Runs a session in the browser with a person at the controls, and returns the recordings that they kept.
 
-    With ``asked``, a file of query states, each demonstration begins in one of them. A skill as ``observer`` names the
-    contact states on the page, and shows what it would do.
+    Keys that the scenario does not state have the values of ``device``. With ``asked``, a file of query states, each
+    demonstration begins in one of them. A skill as ``observer`` names the contact states on the page, and shows what
+    it would do.
 
     Raises:
         ValueError: if the scenario is not valid or not stable, no device driver has the name ``driver``, the file
@@ -193,13 +195,15 @@ def record_live(
     """
     from math import isclose
 
+    from experiments.self_test import hold_pace
     from interfaces.live.session import LiveSession, asked_scenario, live_scenario
     from interfaces.terminal import say
+    from models.scenario import load_scenario
     from skill.manipulation_skill import ManipulationSkill
     from skill.practice.query_state import read_query_states
     from systems.law import check_geometry
 
-    chosen = read_scenario(scenario)
+    chosen = read_scenario(scenario, engine, defaults=load_scenario("device"))
     margins = live_margins(chosen, driver)
     query_states = read_query_states(asked) if asked is not None else []
     skill = None
@@ -218,32 +222,44 @@ def record_live(
 
     for number in range(max(1, len(query_states))):  # all are checked before the page opens
         start_of(number)
-    with announced_page(margins, host=host, port=port, verbose=verbose) as page:
+    pace = hold_pace(chosen)
+    chosen = pace.scenario
+    with announced_page(margins, pace, host=host, port=port, verbose=verbose) as page:
         kept = LiveSession(start_of=start_of, out=out, page=page, announce=say, driver=driver, policy=skill).run()
     say(f"{len(kept)} demonstrations kept in {out}")
     return kept
+
+
+def live_scenario_name(driver: str | None, engine: str | None) -> str:
+    """Returns the scenario of a session: Drake's contact is too slow for the steps of ``device`` beside a browser."""
+    from systems.operators.device_operator import DEVICE_SCENARIO, default_scenario
+
+    if driver is not None:
+        return default_scenario(driver)
+    return DEVICE_SCENARIO if engine == "exact" else "live"
 
 
 def live_margins(scenario: Scenario, driver: str | None) -> list[Margin]:
     """Returns the margins of stability of a live session.
 
     Raises:
-        ValueError: if the scenario is not stable or names another engine than Drake, or no device driver has the name
-            ``driver``.
+        ValueError: if the scenario is not stable or names another device than the driver's, or no device driver has
+            the name ``driver``.
     """
-    from systems.operators.device_operator import find_device
+    from systems.operators.device_operator import check_preset, find_device
     from systems.servo.multirate_margins import require_multirate_margins
 
-    if scenario.contact.engine != "drake":
-        raise ValueError(f"contact.engine is {scenario.contact.engine}; expected drake with --live")
     if driver is not None:
         find_device(driver)
+        check_preset(driver, scenario)
     return require_multirate_margins(scenario)
 
 
 @contextmanager
-def announced_page(margins: list[Margin], *, host: str | None, port: int | None, verbose: bool) -> Iterator[LivePage]:
-    """Opens the page of a live session, prints the margins and its address, and shows it in the desktop's browser.
+def announced_page(
+    margins: list[Margin], pace: HeldPace, *, host: str | None, port: int | None, verbose: bool
+) -> Iterator[LivePage]:
+    """Opens the page of a live session, prints margins, pace and address, and shows it in the desktop's browser.
 
     Raises:
         OSError: if the page cannot listen at ``host`` and ``port``.
@@ -259,7 +275,8 @@ def announced_page(margins: list[Margin], *, host: str | None, port: int | None,
     page = open_live_page(host=host or LOCAL_HOST, port=port)
     try:
         print_margins(margins, verbose=verbose)
-        for line in page.announcement():
+        page.show(pace=pace.rate)
+        for line in (pace.note, *page.announcement()):
             say(line)
         if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
             webbrowser.open(page.address)  # without a desktop this could start a text browser in the terminal

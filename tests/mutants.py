@@ -1,9 +1,9 @@
 """Mutation testing: which small faults in the code does no test of ``make test`` notice?
 
-    python -m tests.mutants [--number 200] [--seed 0] [--jobs 2] [--json FILE] [--again FILE]
+    python -m tests.mutants [ROOM ...] [--number 200] [--seed 0] [--jobs 2] [--json FILE] [--again FILE]
 
-1. A seeded sample of mutants is drawn from all places that can be mutated: a comparison, an arithmetic or boolean
-   operator, a number, min/max, a negation, or a return value.
+1. A seeded sample of mutants is drawn from all places of the rooms (folders or files; all code if none is given) that
+   can be mutated: a comparison, an arithmetic or boolean operator, a number, min/max, a negation, or a return value.
 2. Each mutant is made in a copy of the tree. Then the tests of its file run (the mirrored ones), and where these
    notice nothing, the other tests that import it, or that import a module that imports it: those nearest to it first,
    slow ones last, until one fails. A mutant that no test notices survives.
@@ -20,12 +20,13 @@ import random
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any
+from typing import Annotated, Any
 
 import pytest
 import typer
@@ -33,7 +34,7 @@ import typer
 from interfaces.terminal import progress, say, write_json
 from tests.checkout import ROOT, copy_checkout
 
-FOLDERS = ("skill", "systems", "experiments", "interfaces")
+FOLDERS = ("models", "skill", "systems", "experiments", "interfaces")
 TIMEOUT = 120  # s for one test; an endless loop is noticed by it
 
 COMPARISONS = {
@@ -114,19 +115,20 @@ def mutate(node: ast.AST) -> str:
 
 
 @cache
-def all_mutants() -> list[Mutant]:
-    """Every mutant of the folders."""
+def all_mutants(rooms: tuple[str, ...]) -> list[Mutant]:
+    """Every mutant of some folders and files."""
     return [
         Mutant(str(path.relative_to(ROOT)), node.lineno, place, mutate(node))
-        for folder in FOLDERS
-        for path in sorted((ROOT / folder).rglob("*.py"))
+        for room in rooms
+        for path in sorted((ROOT / room).rglob("*.py")) or [ROOT / room]
         for place, node in enumerate(mutable(ast.parse(path.read_text())))
     ]
 
 
-def draw(number: int, seed: int) -> list[Mutant]:
-    """A seeded sample of all mutants."""
-    return random.Random(seed).sample(all_mutants(), number)
+def draw(number: int, seed: int, rooms: Sequence[str] = ()) -> list[Mutant]:
+    """A seeded sample of the mutants of some rooms, of all code if there are none; all mutants if there are fewer."""
+    mutants = all_mutants(tuple(rooms) or FOLDERS)
+    return random.Random(seed).sample(mutants, min(number, len(mutants)))
 
 
 def survivors_of(report: Path) -> list[Mutant]:
@@ -206,9 +208,16 @@ def is_noticed(mutant: Mutant, tree: Path) -> bool:
         target.write_text(original)
 
 
-def main(number: int = 200, seed: int = 0, jobs: int = 2, json: Path | None = None, again: Path | None = None) -> None:
+def main(
+    rooms: Annotated[list[str] | None, typer.Argument()] = None,
+    number: int = 200,
+    seed: int = 0,
+    jobs: int = 2,
+    json: Path | None = None,
+    again: Path | None = None,
+) -> None:
     """Draws the mutants, or takes the survivors of an earlier report, tries them and prints those that survive."""
-    mutants = survivors_of(again) if again else draw(number, seed)
+    mutants = survivors_of(again) if again else draw(number, seed, rooms or ())
     noticed: list[bool] = []
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(jobs) as pool:
         trees: SimpleQueue[Path] = SimpleQueue()

@@ -47,6 +47,14 @@ def test_the_sample_is_seeded_and_every_mutant_is_another_program():
         assert source_of(mutant).strip() != original.strip()
 
 
+def test_rooms_are_folders_or_files_and_a_sample_has_no_more_than_they_have():
+    file, folder = "systems/control/policy_wrench.py", "systems/arm"
+    of_file, of_both = (draw(10_000, 0, rooms) for rooms in ([file], [folder, file]))
+    assert {mutant.file for mutant in of_file} == {file}
+    assert set(of_file) < set(of_both)
+    assert all(mutant.file == file or mutant.file.startswith(f"{folder}/") for mutant in of_both)
+
+
 @pytest.mark.nightly
 @pytest.mark.slow
 def test_a_module_has_mirrored_tests_and_those_that_import_it():

@@ -3,11 +3,12 @@
     python -m benchmarks.rig.reinforcement [--skill FILE] [--steps 20000] [--every 4000] [--trials 20] [--seed 0]
                                            [--scenario nominal] [--json FILE] [--figure FILE]
 
-Soft actor-critic of Stable-Baselines3 (extra [rl]) learns from nothing in ``interfaces.gym:PegInHole-v0``, with the
-dense reward and one thread. It sees the measured wrench and depth, as the skill does, and commands turns and feed; it
-gets neither demonstrations nor contact states. Its training trials are drawn (`FIRST_DRAWN` and above). Before the
-first step and after every ``--every`` steps it performs ``--trials`` trials of the default arm from `FIRST_TRIAL` on
-without exploring. So do the skill and a law that pushes straight on with 10 mm/s. No setting was tuned on these trials.
+Soft actor-critic of Stable-Baselines3 (extra [rl]) learns from nothing in ``interfaces.gym:PegInHole-v0``, on rigid
+bodies, with the dense reward and one thread. It sees the measured wrench and depth, as the skill does, and commands
+turns and feed; it gets neither demonstrations nor contact states. Its training trials are drawn (`FIRST_DRAWN` and
+above). Before the first step and after every ``--every`` steps it performs ``--trials`` trials of the default arm from
+`FIRST_TRIAL` on without exploring. So do the skill and a law that pushes straight on with 10 mm/s. No setting was tuned
+on these trials.
 
 Columns: steps of training (a step is 20 ms), inserted trials, mean reward of an episode, and medians of the depth at
 the end of a trial (mm) and of its largest measured load (N).
@@ -38,7 +39,7 @@ from experiments.trial import Arm
 from interfaces.gym.agents import PolicyAgent, run_episode
 from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import console, progress, write_json
-from models.scenario import Scenario
+from models.scenario import Scenario, load_scenario
 from scripts.command_line import ScenarioName
 from skill.arrays import Array
 from skill.features.measurement import measurement
@@ -187,15 +188,16 @@ def main(
     figure: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the learning curve into this file.")] = None,
     json: JsonFile = None,
 ) -> None:
+    chosen = load_scenario(scenario, "exact")  # the fastest engine
     references = {
-        "skill": evaluate(scenario, ManipulationSkill.load(skill), trials),
-        "straight push": evaluate(scenario, StraightPush(PUSH), trials),
+        "skill": evaluate(chosen, ManipulationSkill.load(skill), trials),
+        "straight push": evaluate(chosen, StraightPush(PUSH), trials),
     }
     settings = {"algorithm": "SAC", "seed": seed, "first_trial": FIRST_TRIAL, **SETTINGS}
     results: dict[str, Any] = {"curve": [], "references": references, "settings": settings}
     curve = results["curve"]
-    for law, done, cpu in learn(scenario, steps=steps, every=every, seed=seed):
-        curve.append({"steps": done, "train_cpu_s": cpu, **evaluate(scenario, law, trials)})
+    for law, done, cpu in learn(chosen, steps=steps, every=every, seed=seed):
+        curve.append({"steps": done, "train_cpu_s": cpu, **evaluate(chosen, law, trials)})
         if json is not None:
             write_json(json, results)
     show(curve, references)

@@ -13,8 +13,13 @@ import pandas as pd
 
 from docs._tools.published_rows import ROOT, above_limit, against, both, inserted, published, summary, word
 
-NAMES = ("arms", "clocking", "curves", "engines", "fresh", "ladder", "learning", "scoreboard", "sections", "sets")
-arms, clocking, curves, engines, all_fresh, ladder, learning, scoreboard, sections, sets = map(published, NAMES)
+NAMES = (
+    *("arms", "clocking", "curves", "engines", "force_use"),
+    *("fresh", "ladder", "learning", "scoreboard", "sections", "sets"),
+)
+arms, clocking, curves, engines, force_use, all_fresh, ladder, learning, scoreboard, sections, sets = map(
+    published, NAMES
+)
 protocol = pd.read_csv(ROOT / "docs" / "protocol.csv")
 
 fresh = all_fresh.query("factor == ''")
@@ -142,8 +147,25 @@ planned_table["back_offs"] = planned.groupby("policy").back_offs.sum()
 planned_table["load"] = planned.groupby("policy").peak_measured_load_n.max()
 planned_table["trusted"] = planned.groupby("policy").trusted.sum()
 planned_table["share"] = planned_table.inserted / 2
-known_hole, beside = arms.query("value == 0"), arms.query("value > 0")
+given = ["true", "scaled:0.5", "shuffled", "frozen", "zero"]
+gentle = force_use.assign(gentle=force_use.inserted & (force_use.peak_load_n < 20)).groupby(["policy", "value"])
+by_wrench = (
+    gentle[["inserted", "gentle"]]
+    .sum()
+    .unstack()
+    .swaplevel(axis=1)[[(w, k) for w in given for k in ("inserted", "gentle")]]
+)
+wrench_loads = force_use.query("policy == 'skill'").groupby("value").peak_load_n.median()
+arm_skill = arms.query("policy == 'skill'")
 per_skill = inserted(protocol, "skill")
+
+
+def arm_row(policy: str) -> list[float]:
+    """Insertions, trials, medians of time and load, trials above the limit of the load, and the largest load."""
+    rows = arms[arms.policy == policy]
+    medians = [rows[rows.inserted].time_s.median(), rows.peak_load_n.median()]
+    return [rows.inserted.sum(), len(rows), *medians, above_limit(rows), rows.peak_measured_load_n.max()]
+
 
 Figures = dict[str, list[tuple[str, Any]]]  # A figure is two lines: its text, and what the rows say.
 # fmt: off
@@ -249,6 +271,12 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
          inserted(clocking, "value", "policy", "arm").unstack([1, 2]).sort_index(axis=1)),
     ],
     "docs/comparisons.md": [
+        ("| {} | {} ({}) | {} ({}) | {} ({}) | {} ({}) | {} ({}) |",
+         by_wrench),
+        ("the skill in {} of 20;",
+         20 - by_wrench.loc["skill", ("zero", "inserted")]),
+        ("touch is enough for {} insertions; an earlier one, drawn anew each time, for {}, but with a load of {:.0f} N in place of {:.0f} N (medians).",
+         [*by_wrench.loc["skill", [("frozen", "inserted"), ("shuffled", "inserted")]], *wrench_loads[["shuffled", "true"]]]),
         ("| {} | {} | {} | {:.2f} | {:.2f} |",
          pd.concat([inserted(scoreboard, "policy", "arm").unstack(), times.unstack()], axis=1).loc[compared]),
         ("| no correction | {} | {} | – | – |",
@@ -414,20 +442,21 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
          planned.groupby("policy").back_offs.sum()[["imitate (default)", "imitate, no contexts"]]),
     ],
     "docs/arm.md": [
-        ("| none | {0} of 40 | {1} of 40 | {2:.0f}, {3:.0f} N | {4} of 80, {5:.0f} N |",
-         [*inserted(known_hole), *known_hole.groupby("arm").peak_load_n.median(), above_limit(known_hole), known_hole.peak_measured_load_n.max()]),
-        ("| up to 0.5 mm | {0} of 40 | {1} of 12, {2} sets | {3:.0f}, {4:.0f} N | {5} of 52 |",
-         [*inserted(beside), word(beside.query("arm == 'stress'").demonstration_set.nunique()), *beside.groupby("arm").peak_load_n.median(), above_limit(beside)]),
-        ("Of {} failures {} run out of time (10 s), {} are jammed;",
-         [(~arms.inserted).sum(), *arms[~arms.inserted].outcome.value_counts()[["time over", "jammed"]].map(word)]),
-        ("one set (2015) inserts {} of 4 and the others {} of 36.",
-         inserted(beside.query("arm == 'default'").assign(other=lambda rows: rows.demonstration_set != 2015), "other")),
+        ("| skill | {} of {} | {:.1f} s | {:.0f} N | {}, up to {:.0f} N |", arm_row("skill")),
+        ("| moment compliance, tuned | {} of {} | {:.1f} s | **{:.0f} N** | {} |", arm_row("moment compliance, tuned")[:5]),
+        ("| spiral search, tuned | {} of {} | {:.1f} s | {:.0f} N | {}, up to {:.0f} N |", arm_row("spiral search, tuned")),
+        ("| straight push | {} of {} | {:.1f} s | {:.0f} N | {}, up to {:.0f} N |", arm_row("straight push")),
+        ("By skill, {} insert 20 of 20 and {} 19;",
+         [word((inserted(arm_skill, "demonstration_set") == n).sum()) for n in (20, 19)]),
+        ("{} failures are jammed, {} runs out of time,",
+         arm_skill[~arm_skill.inserted].outcome.value_counts()[["jammed", "time over"]].map(word)),
+        ("and {} insertions take no more than 10 s.",
+         (arm_skill.inserted & (arm_skill.time_s <= 10)).sum()),
         ("median clock of the arm {:.2f} of real time",
          protocol.clock.median()),
         ("the pivot up to 3 mm off | {} of 400 |",
          inserted(alone_exact).default),
-        ("| arm, one diagram, other trials, 10 s (above) | {} of 40 | {:.1f} s | {:.0f} N | none |",
-         [inserted(beside).default, beside.query("arm == 'default'").taken.median(), beside.query("arm == 'default'").peak_load_n.median()]),
+        ("| arm, one diagram (above) | {} of {} | {:.1f} s | {:.0f} N | {}, up to {:.0f} N |", arm_row("skill")),
         ("| {} of {} | {:.1f} s | {:.0f} N | {}, up to {:.0f} N |",
          [*protocol.inserted.agg(["sum", "size"]), protocol.time_s.median(), protocol.measured_load_n.median(), (protocol.measured_load_n > 40).sum(), protocol.measured_load_n.max()]),
         ("{} skills insert 20 of 20, the others {} and {};",
@@ -453,7 +482,7 @@ ELSEWHERE: dict[str, dict[str, str]] = {
     },
     "docs/exports.md": {"### An imitation policy of LeRobot on the rig": "sweep"},
     "docs/gymnasium.md": {
-        "## Reinforcement learning beside the skill": "python -m benchmarks.rig.reinforcement --steps 12000"
+        "## Reinforcement learning beside the skill": "python -m benchmarks.rig.reinforcement --skill"
     },
     "docs/physics.md": {
         "insert 1964 and 1925 of 2000 trials in the exact engine": "benchmarks/sweeps/random_contact.yaml"

@@ -1,7 +1,7 @@
 """Typesets paper/paper.md, which has the form of the Journal of Open Source Software.
 
-    pip install pypandoc_binary typst
-    python docs/_tools/paper_pdf.py out/release/files/paper.pdf
+pip install pypandoc_binary typst
+python docs/_tools/paper_pdf.py out/release/files/paper.pdf
 """
 
 from __future__ import annotations

@@ -19,7 +19,8 @@ from interfaces.live.viewer_scene import ViewerScene
 
 PANEL = Path(__file__).with_name("panel")
 STYLES = ("panel.css", "small.css")
-SCRIPTS = ("panel.js", "readings.js", "pictures.js", "sound.js", "touch.js", "guide.js")  # the first serves the others
+# The first one serves the others.
+SCRIPTS = ("panel.js", "readings.js", "pictures.js", "sound.js", "rumble.js", "touch.js", "guide.js")
 HEAD = (
     '<link rel="icon" href="data:,">'  # without it a browser asks for one, at an address without the token
     '<meta name="viewport" content="width=device-width, initial-scale=1">'  # a phone would show it as a desktop

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -32,6 +33,7 @@ IDLE_PERIOD = 0.03  # in units of s, between two checks of the buttons
 ABSENCE_NOTICE = 5.0  # in units of s without an open page, after which the console says so
 PICTURE_PERIOD = 1 / 60  # in units of s, between two pictures
 READING_PERIOD = 0.1  # in units of s, between two updates of the panel
+RATE_READINGS = 10  # updates over which the real-time rate is measured: about a second
 
 START, GOOD, BAD, DISCARD, QUIT = "start (Space)", "keep as good (G)", "keep as bad (B)", "discard (X)", "quit (Q)"
 KEYS = {START: "Space", GOOD: "KeyG", BAD: "KeyB", DISCARD: "KeyX", QUIT: "KeyQ"}
@@ -199,7 +201,8 @@ class LiveSession:
 
     def _simulate(self, live: ServedRun, resolved: Scenario) -> Ending | None:
         """Returns how the demonstration ended, or None if the page was closed."""
-        last_drawn, last_reading, last_reading_time = 0.0, time.monotonic(), 0.0
+        last_drawn = 0.0
+        readings = deque([(time.monotonic(), 0.0)], maxlen=RATE_READINGS)  # wall-clock and simulated time, s
         observer = PolicyObserver(self._policy) if self._policy is not None else None
         load, steps_per_sample = ContactLoad(resolved), round(resolved.recorder.period / resolved.contact.time_step)
         self.say("recording: G keep as good, B keep as bad, X discard", RECORDING)
@@ -210,9 +213,10 @@ class LiveSession:
             if ending is not None or time.monotonic() - last_drawn > PICTURE_PERIOD:
                 last_drawn = time.monotonic()
                 self._draw(live)
-            if ending is not None or time.monotonic() - last_reading > READING_PERIOD:
-                rate = (live.time - last_reading_time) / (time.monotonic() - last_reading)
-                last_reading, last_reading_time = time.monotonic(), live.time
+            if ending is not None or time.monotonic() - readings[-1][0] > READING_PERIOD:
+                (began, simulated), now = readings[0], time.monotonic()
+                rate = (live.time - simulated) / (now - began)
+                readings.append((now, live.time))
                 self._show_readings(live, resolved, rate=rate)
                 self._display.follow_view_buttons()
                 self._watch_gamepad()

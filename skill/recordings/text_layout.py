@@ -298,7 +298,7 @@ def _head(lines: Sequence[str], separator: str) -> list[_Line]:
         if comment:
             text = text.lstrip("#% \t")
         else:
-            stops = range(after, min(len(lines), first + _MAX_RECORD) + 1)
+            stops = range(after, first + _MAX_RECORD + 1)
             after = next((k for k in stops if not _is_open("".join(lines[first:k]), separator)), after)
             text = "".join(lines[first:after])
         if separator == " ":

@@ -13,9 +13,9 @@ for the passivity of a sampled wall H(z) with a hand and device of damping b is
     b > max_w  T/2 / (1 - cos wT) Re[(1 - exp(-jwT)) H(exp(jwT))].
 
 The right-hand side is K T/2 + B for a plain spring-damper, and less with the low-passed velocity of the device. Both
-are reported; the exact condition is required. Abbott and Okamura's condition is K <= min(2 b/T, 2 f_c/Delta): the
-friction f_c must dissipate the energy that an encoder step Delta generates. The stiffest wall that the hand can meet is
-the coupling with a peg that cannot move.
+are reported; the exact condition is required. A force that is d periods late has z^-d in its wall, and needs more
+damping. Abbott and Okamura's condition is K <= min(2 b/T, 2 f_c/Delta): the friction f_c must dissipate the energy that
+an encoder step Delta generates. The stiffest wall that the hand can meet is the coupling with a peg that cannot move.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def step_number(*, stiffness: float, damping: float, inertia: float, time_step: 
     return damping * time_step / inertia + stiffness * time_step**2 / (2.0 * inertia)
 
 
-def passive_damping(*, stiffness: float, damping: float, period: float, bandwidth: float) -> float:
+def passive_damping(*, stiffness: float, damping: float, period: float, bandwidth: float, delay: float = 0.0) -> float:
     """Returns the minimum damping of hand and device for a passive sampled spring-damper (see the module).
 
     Args:
@@ -76,12 +76,13 @@ def passive_damping(*, stiffness: float, damping: float, period: float, bandwidt
         damping: Damping of the rendered wall, N s/m or N m s/rad.
         period: Servo period, s.
         bandwidth: Bandwidth of the low-pass on the velocity, Hz.
+        delay: Delay of the force beyond the hold of a period, s.
     """
     phase = np.linspace(0.0, math.pi, FREQUENCIES + 1)[1:]
     z = np.exp(1j * phase)
     blend = 1.0 - math.exp(-2.0 * math.pi * bandwidth * period)
     velocity = (z - 1.0) / (period * z) * blend * z / (z - (1.0 - blend))
-    wall = stiffness + damping * velocity
+    wall = (stiffness + damping * velocity) * z ** (-delay / period)
     return float(np.max(0.5 * period / (1.0 - np.cos(phase)) * np.real((1.0 - 1.0 / z) * wall)))
 
 
@@ -150,6 +151,7 @@ def _device_margins(c: CouplingParameters, device: HapticDeviceParameters) -> li
             friction=device.friction_force,
             resolution=device.position_resolution,
             period=device.servo_period,
+            delay=device.delay,
             max_K=device.max_stiffness,
             max_B=device.max_damping,
             units=("N/m", "N s/m"),
@@ -162,6 +164,7 @@ def _device_margins(c: CouplingParameters, device: HapticDeviceParameters) -> li
             friction=device.friction_torque,
             resolution=device.angle_resolution,
             period=device.servo_period,
+            delay=device.delay,
             max_K=device.max_angular_stiffness,
             max_B=device.max_angular_damping,
             units=("N m/rad", "N m s/rad"),
@@ -178,13 +181,14 @@ def _display_margins(
     friction: float,
     resolution: float,
     period: float,
+    delay: float,
     max_K: float,
     max_B: float,
     units: tuple[str, str],
 ) -> list[Margin]:
     """Returns the conditions of a rendered spring-damper (K, B), whose ``units`` are given; names end in ``suffix``."""
     b, T = hand_damping, period
-    minimum = passive_damping(stiffness=K, damping=B, period=T, bandwidth=VELOCITY_BANDWIDTH)
+    minimum = passive_damping(stiffness=K, damping=B, period=T, bandwidth=VELOCITY_BANDWIDTH, delay=delay)
     of_K, of_B = units
     return [
         Margin(f"Colgate, K T/2 + B unfiltered{suffix}", K * T / 2 + B, b, of_B, required=False),

@@ -141,6 +141,8 @@ class HapticDevice(LeafSystem):
             (torque, mean_squares[0], p.peak_torque, p.sustained_torque),
             (force, mean_squares[1], p.peak_force, p.sustained_force),
         ):
+            if peak == 0.0:  # the scenario commands none
+                continue
             cold = max(0.0, 1.0 - mean / sustained**2)
             maximum = math.sqrt(sustained**2 + (peak**2 - sustained**2) * cold)
             load = max(load, math.sqrt(part @ part) / maximum)

@@ -20,17 +20,23 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, EventStatus, LeafSystem, State
 
+from models.scenario import Scenario
 from systems.math.rotation import from_rotation_vector, rotation_vector
 
 GROUP = "haptic_skill.devices"
-SPACE_MOUSE, LOOPBACK = "spacemouse", "loopback"
+SPACE_MOUSE, LOOPBACK, INVERSE3 = "spacemouse", "loopback", "inverse3"
 PROVIDED = {
+    INVERSE3: "systems.operators.inverse3:Inverse3",
     LOOPBACK: "systems.operators.loopback_device:LoopbackDevice",
     SPACE_MOUSE: "systems.operators.space_mouse:SpaceMouse",
 }
 """Import paths of the drivers of this project, by their names."""
+
+DEVICE_SCENARIO = "device"
+PRESETS = {INVERSE3: "inverse3"}
+"""Presets of the devices of drivers, where the margins depend on them. A scenario with the same name has the preset."""
 
 
 class LiveDevice(Protocol):
@@ -72,6 +78,25 @@ def find_device(name: str) -> Callable[[], LiveDevice]:
     return factory
 
 
+def default_scenario(driver: str) -> str:
+    """Returns the name of the scenario for a driver."""
+    return PRESETS.get(driver, DEVICE_SCENARIO)
+
+
+def check_preset(driver: str, scenario: Scenario) -> None:
+    """Checks that a scenario has the preset of a driver's device.
+
+    Raises:
+        ValueError: If it has another one.
+    """
+    preset = PRESETS.get(driver, scenario.device)
+    if scenario.device != preset:
+        raise ValueError(
+            f"scenario.device is '{scenario.device}', expected '{preset}' with --driver {driver}:"
+            f" use --scenario {preset}, or one with 'device: {preset}'"
+        )
+
+
 def _imported(path: str) -> Callable[[], LiveDevice]:
     module, _, name = path.partition(":")
     try:
@@ -91,10 +116,10 @@ class DeviceOperator(LeafSystem):
         output_ports:
         - hand_pose
 
-    A person with a real device. Every servo period it writes the rendered wrench [torque; force] to the device and
-    reads the motion (p, R) of the handle. The pose of the hand is p_HD = p_start + p - p_before,
-    R_HD = R R_before^-1 R_start, where "before" is the motion up to the start. The state of the device is not part of
-    the Context, so only one context at a time can use it.
+    A person with a real device. Every servo period it reads the motion (p, R) of the handle, before the other systems
+    change their state, and after them it writes to the device the wrench [torque; force] that this motion gives. The
+    pose of the hand is p_HD = p_start + p - p_before, R_HD = R R_before^-1 R_start, where "before" is the motion up to
+    the start. The state of the device is not part of the Context, so only one context at a time can use it.
 
     Args:
         device: The opened device.
@@ -119,17 +144,25 @@ class DeviceOperator(LeafSystem):
         self._rendered_wrench = self.DeclareVectorInputPort("rendered_wrench", 6)
         start = np.concatenate([X_HD_start.translation(), rotation_vector(X_HD_start.rotation())])
         self._pose = self.DeclareDiscreteState(start)  # position (m) and rotation vector (rad)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        # Unrestricted: the discrete updates of the same time come after it. What is published comes after both.
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._read)
+        self.DeclarePerStepPublishEvent(self._write)
         self.DeclareAbstractOutputPort(
             "hand_pose", Value[RigidTransform], self._calc, {self.discrete_state_ticket(self._pose)}
         )
 
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        self._device.write_wrench(self._rendered_wrench.Eval(context).copy())
+    def _read(self, context: Context, state: State) -> EventStatus:
         moved = self._device.read_pose()
         turn = rotation_vector(moved.rotation() @ self._R_start)
         position = self._p_start + moved.translation()
-        discrete_state.get_mutable_vector(self._pose).SetFromVector(np.concatenate([position, turn]))
+        state.get_mutable_discrete_state().get_mutable_vector(self._pose).SetFromVector(
+            np.concatenate([position, turn])
+        )
+        return EventStatus.Succeeded()
+
+    def _write(self, context: Context) -> EventStatus:
+        self._device.write_wrench(self._rendered_wrench.Eval(context).copy())
+        return EventStatus.Succeeded()
 
     def _calc(self, context: Context, output: Value) -> None:
         position, turn = np.split(context.get_discrete_state(self._pose).value(), 2)

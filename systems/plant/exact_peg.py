@@ -174,6 +174,22 @@ class ExactPeg(LeafSystem):
         contact = self.GetMyContextFromRoot(context).get_discrete_state(self._contact).value()
         return (contact[6:].copy(), contact[3:6].copy()) if contact[:6].any() else None
 
+    def springs(self, context: Context) -> tuple[Array, Array, Array, Array]:
+        """Returns the contacts at the present pose as springs, n of them, also those that nearly touch.
+
+        Returns:
+            Points (n, 3) in H, m; unit normals (n, 3) in H, in which the block pushes the peg; stiffnesses (n,), N/m;
+            elastic forces (n,), N, negative at a gap.
+        """
+        gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
+        pose = self._state(self.GetMyContextFromRoot(context))[:7].copy()
+        R = rotation_of(pose[:4])
+        n = find_contacts(
+            self._bodies, pose[4:], R[:, 0].copy(), R[:, 1].copy(), gap, point, normal, np.empty(MAX_CONTACTS, np.int64)
+        )
+        stiffness = self._bodies.stiffness
+        return point[:n], normal[:n], np.full(n, stiffness), -stiffness * gap[:n]
+
     def _state(self, own: Context) -> Array:
         return np.asarray(own.get_discrete_state(self._motion).value())
 

@@ -1,7 +1,8 @@
 """The local model of the contact: what the simulation tells the servo after each of its steps.
 
 It is an intermediate representation (Adachi et al. 1995, Mark et al. 1996): the motion of the peg, and one-sided
-springs that stand for the faces of the contact surfaces. Between two messages the servo simulates the peg against it.
+springs that stand for the contacts of rigid bodies or for the faces of contact surfaces. Between two messages the servo
+simulates the peg against it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pydrake.math import RigidTransform
 from skill.arrays import Array
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from systems.plant.contact_forces import FACE_NORMAL
+from systems.plant.exact_gaps import MAX_CONTACTS
 
 SECTORS, LAYERS = 8, 2
 """Faces are joined that push in the same of eight directions, in the same of two halves of the contact's height."""
@@ -22,7 +24,10 @@ SECTORS, LAYERS = 8, 2
 QUADRANTS = 4
 """Faces that push along the axis are joined in each quadrant."""
 
-MAX_SPRINGS = SECTORS * LAYERS + 2 * QUADRANTS
+MAX_JOINED = SECTORS * LAYERS + 2 * QUADRANTS
+"""Springs at most that stand for faces."""
+
+MAX_SPRINGS = max(MAX_JOINED, MAX_CONTACTS)
 """Springs of a model at most."""
 
 HEADER = 14  # numbers before the springs: number of springs, time, pose, velocity
@@ -51,7 +56,7 @@ class Springs:
         return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
 
     def joined(self) -> Springs:
-        """Returns at most `MAX_SPRINGS` springs, which stand for groups of these.
+        """Returns at most `MAX_JOINED` springs, which stand for groups of these.
 
         A group has the sum of the stiffnesses and forces, and the means of the points and normals by stiffness.
         """

@@ -14,6 +14,7 @@ Schenkel's condition.
 
 from __future__ import annotations
 
+from collections import deque
 from functools import lru_cache
 
 import numpy as np
@@ -34,7 +35,7 @@ DURATION = 4.0  # in units of s; whole cycles of the second half count
 @lru_cache(maxsize=64)
 @np.errstate(over="ignore", invalid="ignore")  # of a coupling that is not stable at all
 def multirate_damping(
-    *, stiffness: float, damping: float, inertia: float, period: float, step: int, correction: int
+    *, stiffness: float, damping: float, inertia: float, period: float, step: int, correction: int, delay: int = 0
 ) -> float:
     """Returns the damping of hand and device, per unit of the scale, that a wall needs which only the simulation knows.
 
@@ -47,23 +48,25 @@ def multirate_damping(
         period: of the servo, s.
         step: of the contact, in ticks.
         correction: ticks over which a difference from the simulation is removed.
+        delay: ticks of the force beyond the hold of one.
     """
     omega = 2.0 * np.pi * np.geomspace(LOWEST, HIGHEST / period, NUMBER)
     blend = 1.0 - np.exp(-2.0 * np.pi * VELOCITY_BANDWIDTH * period)
     ticks = round(DURATION / period)
     cycles = np.floor(0.5 * DURATION * omega / (2.0 * np.pi))  # whole ones: the stored energy is then the same again
     first = ticks - np.rint(2.0 * np.pi * cycles / (omega * period))
-    probe, speed, peg, peg_speed, force, energy, squares = np.zeros((7, NUMBER))
+    probe, speed, peg, peg_speed, energy, squares = np.zeros((6, NUMBER))
+    forces = deque([np.zeros(NUMBER)] * (delay + 1))  # the first one acts now
     drawn, drawn_speed = np.zeros((2, NUMBER))
     for k in range(ticks):
         moved = np.sin(omega * (k * period)) - probe
         counts = k >= first
-        energy -= counts * force * moved
+        energy -= counts * forces.popleft() * moved
         squares += counts * moved**2 / period
         probe = probe + moved
         speed = speed + blend * (moved / period - speed)
         pull = stiffness * (probe - peg) + damping * (speed - peg_speed)
-        force = -pull
+        forces.append(-pull)
         peg_speed = peg_speed + period * pull / inertia
         peg = peg + period * peg_speed
         if k % step == 0:  # the simulated peg is at the wall, at rest
@@ -88,7 +91,8 @@ def multirate_margins(scenario: Scenario) -> list[Margin]:
         ),
     ):
         needed = scale * multirate_damping(
-            stiffness=K, damping=B, inertia=inertia, period=period, step=step, correction=round(CORRECTION / period)
+            **{"stiffness": K, "damping": B, "inertia": inertia, "period": period, "step": step},
+            **{"correction": round(CORRECTION / period), "delay": round(device.delay / period)},
         )
         found.append(Margin(f"wall that only the simulation knows{suffix}", needed, hand, unit))
     return found

@@ -14,6 +14,7 @@ from skill.arrays import Array
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from systems.plant.contact_forces import face_springs
 from systems.plant.contact_plant import AddVirtualPlant, HydroelasticPeg
+from systems.plant.exact_peg import ExactPeg
 from systems.servo.local_contact import LocalContact, Springs
 from systems.servo.multirate_margins import require_multirate_margins
 from systems.servo.probe import Probe
@@ -72,11 +73,11 @@ class ServedEnvironment(PegEnvironment):
     """The environment of a served probe.
 
     Attributes:
-        plant: of peg and hole, in Drake.
+        plant: of peg and hole, in Drake or the exact engine.
         probe: what the servo has said of the probe.
     """
 
-    plant: HydroelasticPeg
+    plant: HydroelasticPeg | ExactPeg
     probe: ServedProbe
 
     def set_probe(self, context: Context, probe: Probe) -> None:
@@ -94,14 +95,18 @@ class ServedEnvironment(PegEnvironment):
             context: of the diagram.
             time: of the servo at the end of the step, s.
         """
-        plant, peg = self.plant.plant, self.plant.peg
-        own = plant.GetMyContextFromRoot(context)
-        motion = peg.EvalSpatialVelocityInWorld(own)
-        V_HP = np.concatenate([motion.rotational(), motion.translational()])
-        faces = face_springs(plant, own, peg=peg, block=self.plant.block)
+        state = self.plant.peg_state.Eval(self.plant.peg_state.get_system().GetMyContextFromRoot(context))
+        return LocalContact(time, self.plant.peg_pose(context), np.array(state[7:]), self._springs(context))
+
+    def _springs(self, context: Context) -> Springs:
+        if isinstance(self.plant, ExactPeg):
+            return Springs(*self.plant.springs(context))
+        plant = self.plant.plant
+        faces = face_springs(plant, plant.GetMyContextFromRoot(context), peg=self.plant.peg, block=self.plant.block)
         stiff = faces.stiffnesses > 0.0
-        springs = Springs(faces.points[stiff], faces.normals[stiff], faces.stiffnesses[stiff], faces.forces[stiff])
-        return LocalContact(time, peg.EvalPoseInWorld(own), V_HP, springs.joined())
+        return Springs(
+            faces.points[stiff], faces.normals[stiff], faces.stiffnesses[stiff], faces.forces[stiff]
+        ).joined()
 
 
 def MakeServedEnvironment(scenario: Scenario) -> ServedEnvironment:
@@ -111,11 +116,19 @@ def MakeServedEnvironment(scenario: Scenario) -> ServedEnvironment:
         scenario: resolved (see `resolve_scenario`).
 
     Raises:
-        ValueError: if the scenario is not resolved, or its coupling is not stable (see `multirate_margins`).
+        ValueError: if the scenario is not resolved, its coupling is not stable (see `multirate_margins`), or its engine
+            is MuJoCo.
     """
     require_multirate_margins(scenario)
     builder = DiagramBuilder()
-    plant = AddVirtualPlant(builder, scenario)
+    plant: HydroelasticPeg | ExactPeg
+    match scenario.contact.engine:
+        case "drake":
+            plant = AddVirtualPlant(builder, scenario)
+        case "exact":
+            plant = builder.AddNamedSystem("plant", ExactPeg(scenario))
+        case engine:
+            raise ValueError(f"contact.engine is {engine}; expected drake or exact, whose contacts a servo can be sent")
     X_HP_start = start_pose(scenario)
     probe = builder.AddNamedSystem("served_probe", ServedProbe(X_HP_start))
     proxy, recorder, log = add_coupling(builder, scenario, plant)

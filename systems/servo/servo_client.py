@@ -13,22 +13,22 @@ from models.scenario import Scenario
 from skill.arrays import Array
 from systems.operators.page_hand import HandInput
 from systems.servo.local_contact import LocalContact
+from systems.servo.own_time import LONGEST_LOOK, OwnTime
 from systems.servo.probe import Probe
 from systems.servo.servo_process import ServoLink, serve
 from systems.servo.shared_value import SharedValue
 
 START_TIME = 60.0  # in units of s; a process imports Drake and opens the device
 ANSWER_TIME = 10.0  # in units of s
-SILENCE = 0.5  # in units of s without a tick, after which the process is ended
+SILENCE = 0.5  # in units of s of its own time without a tick, after which the process is ended
 LOOK_PERIOD = 2e-4  # in units of s, between two looks at the probe
-LONGEST_LOOK = 0.01  # in units of s that one look counts for at most: this process may have been stopped meanwhile
 
 
 class ServoClient:
     """A servo in a process of its own; a context manager.
 
     Every method raises an OSError that names the driver if the process has ended, reports an error, or is silent for
-    `SILENCE`. The process is then ended; a new client may be made.
+    `SILENCE`. The process is then ended; a new client may be made. A process that waits for a core is not silent.
 
     Args:
         driver: name of the device's driver (see `find_device`); `PAGE` is the hand of the page.
@@ -49,6 +49,7 @@ class ServoClient:
         )
         self._process.start()
         theirs.close()
+        self._own_time = OwnTime(self.process)
         self._last: Probe | None = None
         try:
             self.has_priority: bool = self._expect("opened", START_TIME)
@@ -94,7 +95,7 @@ class ServoClient:
 
     def probe_at(self, servo_time: float) -> Probe:
         """Waits until the servo's time has come; returns its newest probe."""
-        silent, now = 0.0, time.monotonic()
+        silent, looked = 0.0, time.monotonic()
         while True:
             values = self._link.probe.read_new()
             if values is not None:
@@ -106,8 +107,8 @@ class ServoClient:
             if silent > SILENCE:
                 raise self._lost(f"it did not tick for {silent:.1f} s")
             time.sleep(LOOK_PERIOD)
-            before, now = now, time.monotonic()
-            silent += min(now - before, LONGEST_LOOK)
+            if time.monotonic() - looked > LONGEST_LOOK:
+                looked, silent = time.monotonic(), silent + self._own_time.since_last()
 
     def close(self) -> None:
         """Ends the process, which closes the device."""

@@ -6,12 +6,13 @@ import gc
 import os
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 
 import numpy as np
+from pydrake.math import RigidTransform
 
 from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
@@ -19,6 +20,7 @@ from skill.arrays import Array
 from systems.operators.device_operator import DeviceOperator, LiveDevice, find_device
 from systems.operators.page_hand import PAGE, PageHand
 from systems.servo.local_contact import LocalContact
+from systems.servo.own_time import OwnTime
 from systems.servo.servo_diagram import MakeServo, Servo
 from systems.servo.shared_value import SharedValue
 from systems.steps.faults import error_summary
@@ -30,8 +32,9 @@ STALL = 0.05
 SPIN = 3e-4
 """Last part of a wait, s, in which the process does not sleep: a sleep ends up to so much late."""
 
-REST = 1e-4
-"""Shortest sleep in each tick, s: a real-time process that never sleeps is stopped by Linux for 50 ms in a second."""
+REST, REST_SHARE = 1e-4, 0.08
+"""Shortest sleep in each tick, s, and as a share of the time since the sleep before it: Linux stops a real-time process
+that leaves others less than 5 % of its core for 50 ms in each second, as a fixed rest does where a tick takes 2 ms."""
 
 PRIORITY = 10
 """Real-time priority of the process, where the system grants one."""
@@ -58,40 +61,59 @@ class ServoLink:
     hand: SharedValue
 
 
-class Watchdog:
-    """Switches the motors off when a driver does not return: a thread beside the ticks.
+class WatchedDevice:
+    """A device whose motors are switched off when one of its own calls does not return; a `LiveDevice`.
 
-    It counts its own looks, so that a process that was stopped as a whole and goes on is not taken for a driver that
-    blocks. A driver that holds the interpreter's lock stops the watchdog too; the session then ends the process.
+    A thread beside the ticks looks at the call that runs. Only the call's own time counts (see `OwnTime`): a process
+    that the system has stopped, or that waits for a core, is not taken for a driver that blocks. A driver that holds
+    the interpreter's lock stops the thread too; the session then ends the process.
 
     Args:
-        device: is closed.
+        device: is closed; used by the thread that makes this object.
     """
 
     def __init__(self, device: LiveDevice) -> None:
         self._device = device
-        self._calls = 0  # odd while the servo is inside a tick
-        self.opened = False
-        threading.Thread(target=self._watch, name="watchdog", daemon=True).start()
+        self._calls = 0  # odd while a call runs
+        self._is_closed = False
+        thread = threading.get_native_id()
+        threading.Thread(target=self._watch, args=(thread,), name="watchdog", daemon=True).start()
 
-    def enter(self) -> None:
-        """Says that a tick begins."""
+    def read_pose(self) -> RigidTransform:
+        """See `LiveDevice`."""
+        with self._watched():
+            return self._device.read_pose()
+
+    def write_wrench(self, wrench: Array) -> None:
+        """See `LiveDevice`."""
+        with self._watched():
+            self._device.write_wrench(wrench)
+
+    def close(self) -> None:
+        """Closes the device, once."""
+        if not self._is_closed:
+            self._is_closed = True
+            self._device.close()
+
+    @contextmanager
+    def _watched(self) -> Iterator[None]:
         self._calls += 1
+        try:
+            yield
+        finally:
+            self._calls += 1
+        if self._is_closed:
+            raise OSError(f"it did not return for {1e3 * STALL:.0f} ms")
 
-    def leave(self) -> None:
-        """Says that a tick has ended."""
-        self._calls += 1
-
-    def _watch(self) -> None:
-        seen, looks = 0, 0
-        while not self.opened:
+    def _watch(self, thread: int) -> None:
+        time_of, seen, lasted = OwnTime(os.getpid(), thread), 0, 0.0
+        while not self._is_closed:
             time.sleep(WATCH_PERIOD)
-            calls = self._calls
-            looks = looks + 1 if calls % 2 and calls == seen else 0
+            own, calls = time_of.since_last(), self._calls
+            lasted = lasted + own if calls % 2 and calls == seen else 0.0
             seen = calls
-            if looks >= STALL / WATCH_PERIOD:
-                self.opened = True
-                self._device.close()
+            if lasted >= STALL:
+                self.close()
 
 
 class Pace:
@@ -105,7 +127,7 @@ class Pace:
 
     def __init__(self, period: float, clock: Callable[[], float] = time.monotonic, *, spin: float = SPIN) -> None:
         self.period, self._clock, self._spin = period, clock, spin
-        self._last = clock()
+        self._last = self._woken = clock()
         self._next = self._last + period
         self.ticks = self.late = self.stalls = 0
 
@@ -122,7 +144,8 @@ class Pace:
         self.late, self.stalls = self.late + (behind > 0.0), self.stalls + stalled
         if behind > STALL:
             self._next = now
-        time.sleep(max(-behind - self._spin, REST))
+        time.sleep(max(-behind - self._spin, REST, REST_SHARE * (now - self._woken)))
+        self._woken = self._clock()
         while self._clock() < self._next:
             pass
         self._next += self.period
@@ -146,7 +169,7 @@ def serve(driver: str, link: ServoLink, connection: Connection, parent: int) -> 
     has_priority = driver != PAGE and ask_for_priority()  # a hand without motors must not take time from the browser
     device: LiveDevice | None = None
     try:
-        device = PageHand(link.hand.read_new) if driver == PAGE else find_device(driver)()
+        device = PageHand(link.hand.read_new) if driver == PAGE else WatchedDevice(find_device(driver)())
         connection.send(("opened", has_priority))
         while True:
             if not connection.poll(1.0):
@@ -184,7 +207,7 @@ def run_ticks(scenario: Scenario, device: LiveDevice, link: ServoLink, connectio
     """Ticks until the parent says something; returns the wall-clock time of each tick, s.
 
     Raises:
-        OSError: if the driver has blocked, or from the device.
+        OSError: from the device.
     """
     X_HP_start = start_pose(scenario)
     period = DEVICE_PRESETS[scenario.device].servo_period
@@ -193,7 +216,6 @@ def run_ticks(scenario: Scenario, device: LiveDevice, link: ServoLink, connectio
     servo = MakeServo(scenario, operator=operator, X_HP_start=X_HP_start)
     servo.start(X_HP_start)
     servo.tick()  # the first one is slow
-    watchdog = Watchdog(device)
     times = np.zeros(round(scenario.recorder.time_limit / period) + 1)
     link.contact.read_new()  # of the demonstration before
     connection.send(("begun", None))
@@ -201,7 +223,7 @@ def run_ticks(scenario: Scenario, device: LiveDevice, link: ServoLink, connectio
     pace = Pace(period, spin=spin)
     try:
         while not connection.poll():
-            _tick(servo, pace, watchdog, link)
+            _tick(servo, pace, link)
             if pace.ticks < len(times):
                 times[pace.ticks] = time.monotonic()
             if pace.ticks % PARENT_PERIOD == 0 and os.getppid() != parent:
@@ -212,16 +234,12 @@ def run_ticks(scenario: Scenario, device: LiveDevice, link: ServoLink, connectio
     return times[1 : pace.ticks + 1]
 
 
-def _tick(servo: Servo, pace: Pace, watchdog: Watchdog, link: ServoLink) -> None:
+def _tick(servo: Servo, pace: Pace, link: ServoLink) -> None:
     """One tick: the newest model of the contact, the device, and the probe for the simulation."""
     model = link.contact.read_new()
     if model is not None:
         servo.set_contact(LocalContact.from_vector(model))
-    watchdog.enter()
     servo.tick()
-    watchdog.leave()
-    if watchdog.opened:
-        raise OSError(f"it did not return for {1e3 * STALL:.0f} ms")
     probe = replace(servo.probe(), ticks=pace.ticks, late=pace.late, stalls=pace.stalls)
     link.probe.write(probe.as_vector())
     servo.set_closed(pace.wait())

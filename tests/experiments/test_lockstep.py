@@ -36,8 +36,9 @@ class Path(LeafSystem):
         output.set_value(self._poses[min(round(context.get_time() / H), len(self._poses) - 1)])
 
 
-def scenario_of(seed, time_step):
+def scenario_of(seed, time_step, engine="drake", section="round"):
     scenario = load_scenario("live")
+    scenario.contact.engine, scenario.geometry.section = engine, section
     scenario.start.tilt, scenario.contact.time_step = [0.05, 0.03], time_step
     return resolve_scenario(scenario, seed=seed, stream=DEMONSTRATION_STREAM)
 
@@ -84,9 +85,9 @@ def rms(a):
     return np.sqrt(np.mean(np.sum(np.square(a), axis=1)))
 
 
-@pytest.fixture(scope="module")
-def compared():
-    scenario = scenario_of(1, 0.002)
+@pytest.fixture(scope="module", params=[("drake", "round"), ("exact", "round"), ("exact", "hexagon")])
+def compared(request):
+    scenario = scenario_of(1, 0.002, *request.param)
     poses = pushed(scenario, 0.9)
     return reference(scenario, poses), wrenches(scenario, poses), wrenches(scenario, poses)
 

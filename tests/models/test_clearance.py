@@ -25,6 +25,7 @@ from models.meshes import MAX_FACETS, facet_sagitta, minimum_clearance
 from models.scenario import (
     FIXTURES,
     FREE_FACETS,
+    Geometry,
     Scenario,
     dump_scenario,
     load_scenario,
@@ -369,3 +370,31 @@ def test_a_hole_deeper_than_the_device_reaches_is_refused_with_a_remedy_that_wor
     with pytest.raises(ValueError, match=r"mine: geometry\.hole_depth is .* moves from .* mm above .*start\.depth"):
         own_peg(radius, ratio, depth)
     own_peg(radius, ratio, depth, "start: {depth: 0.06}")
+
+
+@pytest.mark.parametrize(
+    ("text", "engine", "facets", "step", "modulus"),
+    [
+        ("geometry: {section: square}", "exact", Geometry.facets, 0.002, 1e11),
+        ("fixture: free", "exact", FREE_FACETS, 0.002, 1e11),
+        ("contact: {time_step: 0.004}", "exact", Geometry.facets, 0.004, 1e11),
+        ("geometry: {hole_radius: 0.010025}", "drake", 48, 0.001, 1.1e12),
+    ],
+)
+def test_a_file_takes_the_defaults_for_what_neither_it_nor_its_geometry_states(
+    tmp_path, text, engine, facets, step, modulus
+):
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    device = load_scenario("device")
+    found = load_scenario(path, engine, defaults=device)
+    assert found.recorder.time_limit == device.recorder.time_limit != Scenario().recorder.time_limit
+    assert (found.geometry.facets, found.contact.time_step, found.contact.modulus) == (facets, step, modulus)
+    assert device == load_scenario("device")  # the defaults are not changed
+
+
+def test_the_sizes_of_the_defaults_are_no_others():
+    mine = own_peg(0.003, 0.002, 5.0, "start: {tilt_range: 0.001}")
+    live = load_scenario("live", defaults=mine)
+    assert (live.geometry, live.start, live.stepper) == (mine.geometry, mine.start, mine.stepper)
+    assert live.contact.time_step == 0.004  # the file states it

@@ -121,6 +121,7 @@ def test_the_stiffness_of_the_stepper_is_that_of_a_sine_with_a_period_of_four_st
 def test_dump_and_parse_keep_every_number_exactly(values):
     scenario = Scenario(seed=values["seed"], fixture=values["fixture"], device=values["device"])
     scenario.geometry.facets = FREE_FACETS
+    scenario.coupling.torque_scale *= DEVICE_PRESETS[scenario.device].peak_torque > 0.0
     scenario.contact.friction = values["friction"]
     scenario.start.tilt = values["tilt"]
     scenario.operator.habit = values["habit"]
@@ -133,6 +134,10 @@ INVALID = {
     "an unknown key": ("contact: {fricton: 0.2}", "fricton"),
     "a string for a number": ("contact: {friction: much}", "friction"),
     "invalid YAML": ("contact: {friction: 0.2", "mine.yaml"),
+    "torque of a device without": (
+        "device: inverse3",
+        "coupling.torque_scale is 0.02, expected 0: the device 'inverse3'",
+    ),
     "NaN": ("contact: {friction: .nan}", "contact.friction is nan"),
     "a hole narrower than the peg": ("geometry: {hole_radius: 0.0099}", "clearance .* is -0.1 mm"),
     "a negative radius": ("geometry: {peg_radius: -0.01}", "geometry.peg_radius is -0.01"),

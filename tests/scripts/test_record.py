@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -101,6 +102,31 @@ def test_the_margins_are_a_line_or_a_table(tmp_path, quick):
     done = invoke("record", "--out", tmp_path / "out", *few, "--verbose")
     assert "stability margins of the coupling" in done.output
     assert "xinf" not in done.output
+
+
+@pytest.mark.parametrize(
+    ("text", "engine", "message"),
+    [
+        ("contact: {engine: mujoco}", None, "contact.engine is mujoco; expected drake or exact"),
+        ("start: {height: 0.002}", "mujoco", "contact.engine is mujoco; expected drake or exact"),
+        ("geometry: {mates: [[0, 0, 0.004, 0, 0]]}", None, "contact.engine is drake, expected exact: the mesh"),
+        ("geometry: {section: star}", "exact", "geometry.section is star, expected another shape"),
+        ("rig: {clocking_stage: true}", "exact", "rig.clocking_stage is true, expected false: a round part"),
+        (
+            "coupling: {angular_damping: 20.0}",
+            "exact",
+            "scenario.coupling is not stable with device .paper.: B dt/m, rotation",
+        ),
+    ],
+)
+def test_a_part_that_cannot_be_felt_at_the_page_is_refused_in_a_line(tmp_path, text, engine, message):
+    path = tmp_path / "part.yaml"
+    path.write_text(text)
+    options = () if engine is None else ("--engine", engine)
+    done = invoke("record", "--live", "--scenario", path, "--out", tmp_path / "out", *options)
+    assert done.exit_code == 1
+    (line,) = done.stderr.strip().splitlines()
+    assert re.search(message, line)
 
 
 def test_a_skill_of_another_hole_or_period_cannot_watch(tmp_path, quick_scenario, skill_file):

@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from experiments.outputs.folder_lock import LOCK_NAME, locked_file, locked_folder
+from skill.data.files import TEMPORARY_MARK
 from tests.scripts.commands import ROOT
 
 HOLD = """
@@ -132,3 +133,12 @@ print(turns)
     assert [process.returncode for process in processes] == [0, 0, 0]
     assert min(turns) > 0
     assert [path.name for path in tmp_path.iterdir()] == ["other"]
+
+
+def test_what_a_killed_process_left_of_a_file_is_removed_and_nothing_else(tmp_path):
+    left = [f".{name}{TEMPORARY_MARK}abc_0123" for name in ("a.parquet", "b.parquet")]
+    for name in ("a.parquet", *left):
+        (tmp_path / name).touch()
+    with locked_file(tmp_path / "a.parquet"):
+        assert not (tmp_path / left[0]).exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [left[1], "a.parquet"]

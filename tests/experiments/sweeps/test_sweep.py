@@ -120,6 +120,15 @@ def test_a_killed_worker_costs_its_trial_once_and_what_always_kills_is_given_up(
     assert rows_in(tmp_path / "fatal").policy.tolist() == ["push"]
 
 
+def test_a_policy_that_cannot_be_sent_is_named_before_any_trial(specification, perform, tmp_path):
+    locked = {"make": "tests.experiments.sweeps.pushes:holding", "with": {"what": "lock"}}
+    message = r"^policies.locked: cannot be sent to another process .*__getstate__"
+    with pytest.raises(ValueError, match=message) as error:
+        perform(specification(policies={"push": PUSH, "locked": locked}, trials={"number": 1}))
+    assert "\n" not in str(error.value)
+    assert not list((tmp_path / "results").rglob("*.parquet"))
+
+
 @pytest.mark.nightly
 def test_a_killed_client_loses_no_row_and_a_second_one_goes_on(specification, tmp_path):
     path = specification(policies={"push": PUSH}, trials={"number": 14})

@@ -223,6 +223,22 @@ def test_a_trial_after_another_equals_the_trial_in_a_new_diagram():
     assert max(step[-1]["load"] for step in runs[0][1]) > 2.0
 
 
+def test_a_broken_simulation_shows_the_last_sound_observation(make, quick_scenario):
+    """The peg is so stiff that its contact forces are close to overflow."""
+    quick_scenario.contact.modulus = 1e300
+    quick_scenario.start.height = 1e-4
+    env = make(labels=False)
+    before, _ = env.reset(seed=TRIAL)
+    terminated = False
+    while not terminated:
+        after, reward, terminated, truncated, info = env.step(PUSH)
+        assert not truncated
+        shown, before = before, after
+    assert info["trial"]["reason"].startswith("diverged")
+    assert np.isfinite(reward)
+    assert same(after, shown)
+
+
 def test_a_step_needs_an_episode(make):
     env = make().unwrapped
     with pytest.raises(gymnasium.error.ResetNeeded, match="call reset"):

@@ -33,7 +33,7 @@ FLAWS = """
   const over = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
   const inside = (a, b) => a.left > b.left - 1 && a.right < b.right + 1 && a.top > b.top - 1 && a.bottom < b.bottom + 1;
   const page = {left: 0, top: 0, right: innerWidth, bottom: innerHeight};
-  const found = [], ids = ["status", "card", "feed", "controls", "choices", "guide", "pads", "strip"];
+  const found = [], ids = ["status", "slow", "card", "feed", "controls", "choices", "guide", "pads", "strip"];
   const parts = ids.map(id => document.getElementById(id)).filter(shown);
   parts.forEach((a, k) => {
     if (!inside(box(a), page)) found.push(a.id + " is partly outside the window");
@@ -56,7 +56,8 @@ FLAWS = """
     }
   });
   if (peg.left > peg.right) found.push("no peg");
-  for (const part of parts) if (part.id !== "status" && over(box(part), peg)) found.push(part.id + " over the peg");
+  for (const part of parts)
+    if (part.parentElement.id !== "messages" && over(box(part), peg)) found.push(part.id + " over the peg");
 
   const readings = ["force", "moment", "depth", "gauge-text", "contact-load", "contact-peak", "contact-limit",
     "contact-note", "dial", "skill-state", "skill-feed", "skill-rate", "rate", "pictures", "kept", "status",

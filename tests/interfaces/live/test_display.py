@@ -107,6 +107,41 @@ def test_the_ghost_of_the_hand_lies_just_inside_the_peg_at_the_start(browser, di
     assert browser.transforms["live/hand"].translation()[2] == -0.002
 
 
+TRIANGLE = [[1.0, 0.0, 0.1], [-0.5, 0.8, 0.1], [-0.5, -0.8, 0.1]]
+PINS = [[-0.0095, 0.0, 0.004, 0.0, 0.0], [0.0095, 0.0, 0.004, 0.0, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("shape", "left", "near"),  # least x and y of the peg, mm
+    [
+        ({"section": "square"}, -10.0, -10.0),
+        ({"section": "hexagon"}, None, -10.0),
+        ({"corners": TRIANGLE}, -5.0, None),
+        ({"mates": PINS}, -13.5, -4.0),
+    ],
+)
+def test_a_part_is_drawn_with_its_outline_and_the_block_cut_open(browser, display, shape, left, near):
+    scenario = load_scenario("device")
+    scenario.contact.engine = "exact"
+    for name, value in shape.items():
+        setattr(scenario.geometry, name, value)
+    scenario = resolve_scenario(scenario, seed=1, stream=LIVE_STREAM)
+    display.draw_start(scenario)
+
+    def corners(path):
+        text = browser.objects[path][0].source().in_memory().mesh_file.contents().decode()
+        return np.array([[float(x) for x in row.split()[1:4]] for row in text.splitlines() if row.startswith("v ")])
+
+    peg = corners("plant/peg/peg/peg::peg_picture")
+    np.testing.assert_allclose(corners("live/hand/ghost"), 0.98 * peg, atol=1e-9)
+    for found, expected in zip(1e3 * peg.min(axis=0), (left, near, 0.0), strict=True):
+        assert expected is None or found == pytest.approx(expected, abs=1e-3)
+    block = corners("plant/hole/block/hole::block_picture")
+    assert block[:, 2].max() == 0.0 > block[:, 2].min()
+    if "mates" not in shape:  # the side towards the camera is open
+        assert (block[:, :2].min(axis=1) < 1e-4).all()
+
+
 def test_the_readings_are_in_si_units_and_the_tilt_in_degrees_as_the_person_sees_it(browser, display):
     X_HP = hand_pose(np.array([0.01, np.radians(2.0), np.radians(-1.0), 0.0, 0.0]))
     wrench = np.array([1.0, 2.0, 2.0, 3.0, 4.0, 12.0])

@@ -121,13 +121,24 @@ def test_fingers_do_what_keys_do_and_holding_repeats(panel):
 
 
 @pytest.mark.browser
-def test_the_page_warns_while_it_records_below_half_of_real_time(panel):
-    panel.screen(*DESKTOP)
-    for phase, rate, warns in (("recording", 0.06, True), ("recording", 0.6, False), ("verdict", 0.06, False)):
-        panel.feed(phase=phase, rate=rate)
+@pytest.mark.parametrize("screen", [DESKTOP, LOW, PHONE], ids=["desktop", "low", "phone"])
+@pytest.mark.parametrize(("rate", "percent"), [(0.06, 6), (0.62, 62), (0.93, 93)])
+def test_the_page_warns_in_large_letters_while_it_is_slower_than_real_time(panel, screen, rate, percent):
+    panel.screen(*screen)
+    for phase, values, warns in (
+        ("recording", {"rate": rate}, True),
+        ("recording", {"rate": 0.97}, False),  # it has recovered
+        ("verdict", {"rate": rate}, False),
+        ("ready", {"rate": 0.0, "pace": 1.3}, False),
+        ("ready", {"rate": 0.0, "pace": rate}, True),  # before it begins
+    ):
+        panel.feed(phase=phase, **values)
         assert panel.is_shown("slow") is warns
-        assert not warns or panel.text("slow").startswith("Too slow: 6 % of real time")
-    panel.feed(phase="ready", rate=1.0)
+        assert not warns or panel.text("slow").startswith(f"SLOW: {percent} % of real time")
+        assert not warns or panel.page.run(FLAWS) == []
+    size = "return Number.parseFloat(getComputedStyle(document.querySelector(arguments[0])).fontSize)"
+    assert panel.page.run(size, "#slow b") >= 1.5 * panel.page.run(size, "#status")
+    panel.feed(phase="ready", rate=1.0, pace=1.3)
 
 
 @contextmanager

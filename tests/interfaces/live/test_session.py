@@ -37,10 +37,10 @@ JAMS = {**QUICK, "geometry": {**QUICK["geometry"], "hole_depth": 0.01}, "start":
 def session(tmp_path):
     """Makes sessions in this process without an open page; ``messages`` of a session lists what it told."""
     path = tmp_path / "quick.yaml"
-    path.write_text(yaml.safe_dump(QUICK))
     page = open_live_page()
 
-    def make(**options):
+    def make(scenario=QUICK, **options):
+        path.write_text(yaml.safe_dump(scenario))
         messages = []
         session = LiveSession(
             start_of=lambda number: live_scenario(load_scenario(str(path)), seed=0, number=number),
@@ -96,10 +96,20 @@ def test_lost_device_is_reported_closed_and_opened_again(session, monkeypatch, t
     assert dut.messages[-1] == "session over"
 
 
+PINS = {"mates": [[-0.0095, 0.0, 0.004, 0.0, 0.0], [0.0095, 0.0, 0.004, 0.0, 0.0]]}
+
+
 @pytest.mark.slow
-def test_a_demonstration_with_a_device_is_kept(session, monkeypatch):
+@pytest.mark.parametrize(
+    ("shape", "engine"),
+    [({}, "drake"), ({}, "exact"), ({"section": "square"}, "drake"), ({"section": "square"}, "exact"), (PINS, "exact")],
+)
+def test_a_demonstration_with_a_device_is_kept(session, monkeypatch, shape, engine):
     """The loopback device inserts the peg; the verdict is good."""
-    dut = session(driver="loopback")
+    geometry, contact = {**QUICK["geometry"], **shape}, {**QUICK["contact"], "engine": engine}
+    if "mates" in shape:
+        geometry["peg_radius"], geometry["hole_radius"] = 0.004, 0.0042
+    dut = session({**QUICK, "geometry": geometry, "contact": contact}, driver="loopback")
     press_in_turn(monkeypatch, dut, [START, GOOD, QUIT])
     (path,) = dut.run()
     found = read_demonstration(path)

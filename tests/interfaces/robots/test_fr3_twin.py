@@ -47,6 +47,13 @@ while True:
 """
 
 
+@pytest.fixture(autouse=True)
+def priority_as_before():
+    """Takes back the real-time priority that libfranka gives its caller; the tests that follow do not expect it."""
+    yield
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 def loopback_address():
     """Returns an address of this machine of which no other test takes the ports."""
     return "127." + ".".join(str(1 + part % 250) for part in os.urandom(3))

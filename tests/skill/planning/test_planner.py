@@ -1,5 +1,8 @@
 """The motion of a planner, against formulas worked by hand."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +10,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import minimize
 
-from skill.planning.planner import BOUND_TOLERANCE, LOAD_TOLERANCE, best_motion
+from skill.features.responses import HORIZON
+from skill.planning.imitation import Imitation
+from skill.planning.planner import BOUND_TOLERANCE, LOAD_TOLERANCE, Planner, best_motion
+from skill.planning.prediction import Query
+from skill.regression.locally_weighted_regression import LWRegressor
+from tests.skill.planning.made_up import FEATURES, PERIOD, fitted, made_up_rows
 
 WIDE = np.full(5, -1e3), np.full(5, 1e3)
 LARGEST = np.array([0.1, 0.1, 1e-2])
@@ -74,3 +82,22 @@ def test_no_other_motion_is_better(shape, target, direction):
     found = planned(response, target, bounds=(low, high), usual=usual)
     unit = minimize(lambda v: cost(v * LARGEST), found / LARGEST, bounds=[(-1, 1)] * 3, method="L-BFGS-B")
     assert cost(found) <= unit.fun * (1 + 1e-6) + 1e-9
+
+
+def plan_with(time, share):
+    """The prediction under a force of 4 N, where demonstrations take this time for a share of what they change."""
+    rows, numbers = made_up_rows()
+    rows = replace(rows, times=np.full_like(rows.times, time), changes=share * rows.changes)
+    regressor = LWRegressor(bandwidth=5.0, feature_scale=None)
+    regressor.fit(rows.features, rows.inputs * PERIOD / HORIZON, memberships=np.ones((len(rows.times), 3)) / 3.0)
+    imitation = Imitation(regressor, np.zeros((len(rows.times), 2)), None, -math.inf)
+    row = np.array([[4.0, 0.0, 5.0, 0.0, 0.0, 0.0, -0.002]])
+    query = Query(row, FEATURES.features.transform(row), np.array([[1.0, 0.0, 0.0]]), np.ones((1, 1)))
+    return Planner(fitted(rows, numbers, bandwidth=5.0), imitation, FEATURES, PERIOD).predict(query)
+
+
+def test_the_target_of_a_horizon_is_the_demonstrated_change_at_its_demonstrated_speed():
+    whole, quarter = plan_with(HORIZON, 1.0), plan_with(HORIZON, 0.25)
+    assert np.abs(whole.action - quarter.action).max() > 1e-4
+    np.testing.assert_allclose(plan_with(4.0 * HORIZON, 1.0).action, quarter.action)
+    np.testing.assert_allclose(plan_with(0.2 * HORIZON, 1.0).action, whole.action)  # no farther than the next state

@@ -6,29 +6,7 @@ import numpy as np
 import pytest
 
 from skill.planning.planning_model import BOUNDS, MAX_LOAD, PlanningModel
-from skill.planning.transitions import transitions
-from tests.skill.planning.made_up import CLIMB, FEATURES, PERIOD, STIFFNESS, series
-
-N = 60
-
-
-def made_up_rows(seed=0, demonstrations=6):
-    """Transitions of demonstrations in three states: a force of 2 to 6 N, then 1 to 2 N; one of them ends otherwise."""
-    rng = np.random.default_rng(seed)
-    observed, labels, good = [], [], []
-    for k in range(demonstrations):
-        forces = np.concatenate([rng.uniform(2.0, 6.0, N // 2), rng.uniform(1.0, 2.0, N // 2)])
-        observed.append(series(rng, forces, rng.uniform(-2e-4, 0.0, N - 1)))
-        bad = k == demonstrations - 1
-        labels.append([0] * (N // 2) + [2 if bad else 1] * (N // 2))
-        good.append(not bad)
-    return transitions(observed, labels, good, FEATURES, n_states=3, period=PERIOD)
-
-
-def fitted(rows, numbers, values=(0.5, 0.8, 0.0), **parameters):
-    P = np.zeros((len(rows.times), 3))
-    P[np.arange(len(P)), np.where(rows.loads[:, 0] >= 2.0, 0, 1)] = 1.0
-    return PlanningModel(**parameters).fit(rows, states=P, memberships=P, values=np.array(values))
+from tests.skill.planning.made_up import CLIMB, FEATURES, PERIOD, STIFFNESS, N, fitted, made_up_rows
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +79,9 @@ def test_jams_are_left_out():
     jammed = rows.outputs.copy()
     jammed[0] = 2.0 * MAX_LOAD
     assert len(fitted(replace(rows, outputs=jammed), numbers).times_) == len(rows.times) - 1
+    pressed = rows.loads.copy()
+    pressed[[1, 2, 3], [0, 1, 4]] = 2.0 * MAX_LOAD, -2.0 * MAX_LOAD, 1.01 * MAX_LOAD  # a held jam does not change
+    assert len(fitted(replace(rows, loads=pressed), numbers).times_) == len(rows.times) - 3
     of_moments = rows.loads.copy()
     of_moments[:, 2:4] = 10.0 * MAX_LOAD  # a long lever, no jam
     assert len(fitted(replace(rows, loads=of_moments), numbers).times_) == len(rows.times)

@@ -4,6 +4,8 @@ import re
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from skill.recordings.reading import read_recordings
@@ -61,3 +63,12 @@ def test_a_column_that_divides_no_rows_is_refused_and_the_remedies_work(write, c
 def test_a_column_of_trials_divides_the_rows(write, values):
     found = read_recordings(write("run", values))
     assert [r.values[0, 0] for r in found] == [0, *(np.flatnonzero(values[1:] != values[:-1]) + 1)]
+
+
+@pytest.mark.parametrize("twice", ["fz", "trial"])
+def test_a_column_that_is_read_is_there_once(tmp_path, twice):
+    columns = {"time_s": ROWS / 100, "fx": ROWS, "fy": ROWS, "fz": ROWS, "trial": ROWS // 20}
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.table([*columns.values(), ROWS // 20], names=[*columns, twice]), path)
+    with pytest.raises(ValueError, match=rf"^{re.escape(str(path))}: columns \['{twice}'\] occur more than once"):
+        read_recordings(path, columns=["fz=fz"], trial_column="trial")

@@ -11,13 +11,17 @@ from systems.operators.loopback_device import LoopbackDevice
 TICKS = 300
 
 
-class _Failing(LoopbackDevice):
-    """Its hand stays where it is: a demonstration on a busy machine does not end before the driver fails."""
-
-    reads = 0
+class Still(LoopbackDevice):
+    """Its hand stays where it is: a demonstration on a busy machine does not end."""
 
     def __init__(self):
         super().__init__(lambda t: np.zeros(6))
+
+
+class _Failing(Still):
+    """Fails after some ticks."""
+
+    reads = 0
 
     def read_pose(self):
         self.reads += 1

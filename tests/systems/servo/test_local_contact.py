@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydrake.common.value import Value
 from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import LeafSystem
 
 from experiments.demonstration_run import DemonstrationRun
 from models.scenario import DEMONSTRATION_STREAM, load_scenario, resolve_scenario
@@ -14,7 +17,16 @@ from systems.math.rotation import from_rotation_vector
 from systems.servo.local_contact import MAX_SPRINGS, LocalContact, Springs
 from systems.servo.probe import Probe
 from systems.servo.served_environment import MakeServedEnvironment
+from systems.servo.servo_diagram import MakeServo
 from systems.virtual_environment import start_pose
+
+
+class Held(LeafSystem):
+    """A hand that holds the device at a pose."""
+
+    def __init__(self, X_HD):
+        super().__init__()
+        self.DeclareAbstractOutputPort("hand_pose", lambda: Value(X_HD), lambda _, output: output.set_value(X_HD))
 
 
 def random_springs(n, seed=0):
@@ -105,6 +117,44 @@ def test_the_springs_carry_the_normal_force_of_the_simulation(pressed):
     assert np.linalg.norm(force - wrench[3:]) < 1.01 * scenario.contact.friction * pressing
     assert model.X_HP.IsExactlyEqualTo(environment.plant.peg_pose(context))
     np.testing.assert_allclose(model.V_HP, 0.0, atol=2e-3)
+
+
+TWO_PINS = [[-0.0095, 0.0, 0.004, 0.0, 0.0], [0.0095, 0.0, 0.004, 0.0, 0.0]]
+CORNERS = [[1.0, -1.0, 0.1], [1.0, 1.0, 0.1], [-1.0, 1.0, 0.1], [-1.0, -1.0, 0.1]]
+
+
+@pytest.mark.parametrize("shape", [{}, {"section": "square"}, {"corners": CORNERS}, {"mates": TWO_PINS}])
+def test_the_exact_engine_presses_the_floor_with_the_springs_and_the_hand_feels_its_part(shape):
+    """A peg at the floor under a probe 2 mm below the floor: the coupling's stiffness times 2 mm is on the springs."""
+    scenario = load_scenario("device")
+    scenario.contact.engine, scenario.start.depth = "exact", scenario.geometry.hole_depth - 1e-4
+    for name, value in shape.items():
+        setattr(scenario.geometry, name, value)
+    scenario.start.tilt, scenario.rig.pivot_height = [0.0, 0.0], 0.0
+    scenario = resolve_scenario(scenario, seed=3, stream=DEMONSTRATION_STREAM)
+    environment, X = MakeServedEnvironment(scenario), start_pose(scenario)
+    simulator = Simulator(environment.diagram)
+    context = simulator.get_mutable_context()
+    environment.set_start(context)
+    below = RigidTransform(X.translation() - [0.0, 0.0, 1e-4 + 0.002])
+    environment.set_probe(context, Probe(0.0, below, np.zeros(6), np.zeros(6), 0.0, 0.0, 0.0, 1.0, 0.0))
+    simulator.AdvanceTo(0.6)
+    springs = environment.local_contact(context, 0.6).springs
+    pressing = springs.forces > 0.0
+    expected = 0.002 * scenario.coupling.stiffness
+    assert 3 <= pressing.sum() <= len(springs.forces) <= MAX_SPRINGS
+    force = springs.forces[pressing] @ springs.normals[pressing]
+    # The floor holds a square at three of its four corners, which change by turns: by up to 0.2 N here.
+    np.testing.assert_allclose(force, [0.0, 0.0, expected], atol=0.3)
+    np.testing.assert_array_equal(springs.stiffnesses, scenario.contact.stiffness)
+
+    servo = MakeServo(scenario, operator=Held(below), X_HP_start=X)
+    servo.start(X)
+    for _ in range(300):
+        servo.set_contact(environment.local_contact(context, servo.time))
+        servo.tick()
+    felt = scenario.coupling.force_scale * expected
+    np.testing.assert_allclose(servo.probe().wrench, [0.0, 0.0, 0.0, 0.0, 0.0, felt], atol=0.01)
 
 
 def test_the_environment_knows_the_least_energy_of_the_servo(pressed):

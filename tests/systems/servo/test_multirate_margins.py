@@ -16,11 +16,23 @@ TRANSLATION = {"stiffness": C.stiffness, "damping": C.damping, "inertia": C.peg_
 
 
 @pytest.mark.parametrize("coupling", [ROTATION, TRANSLATION])
-def test_a_wall_that_is_known_at_once_needs_what_colgate_and_schenkel_say(coupling):
+@pytest.mark.parametrize("delay", [0, 1, 3])
+def test_a_wall_that_is_known_at_once_needs_what_colgate_and_schenkel_say(coupling, delay):
     known = {"stiffness": coupling["stiffness"], "damping": coupling["damping"]}
-    expected = passive_damping(**known, period=H, bandwidth=VELOCITY_BANDWIDTH)
-    found = dut.multirate_damping(**coupling, period=H, step=1, correction=1)
+    expected = passive_damping(**known, period=H, bandwidth=VELOCITY_BANDWIDTH, delay=delay * H)
+    found = dut.multirate_damping(**coupling, period=H, step=1, correction=1, delay=delay)
     assert found == pytest.approx(expected, rel=0.1)
+
+
+def test_the_delay_of_a_device_counts_in_its_margins():
+    """Half of the force that the scenario `device` renders leaves a factor of 1.5; 0.16 of it is too much."""
+    scenario = resolve_scenario(load_scenario("inverse3"), seed=0, stream=LIVE_STREAM)
+    found = {margin.name: margin for margin in dut.require_multirate_margins(scenario)}
+    assert found["Colgate and Schenkel, with the filter"].factor == pytest.approx(1.53, abs=0.02)
+    assert found["wall that only the simulation knows"].factor == pytest.approx(1.53, abs=0.02)
+    scenario.coupling.force_scale = 0.16
+    with pytest.raises(ValueError, match=r"with the filter is 10\.4 N s/m, expected below 10; wall that only"):
+        dut.require_multirate_margins(scenario)
 
 
 def loop(coupling, *, step, correction, damping, masses, springs, seconds=1.0):
