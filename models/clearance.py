@@ -128,7 +128,8 @@ def following(scenario: Scenario, base: Scenario = NOMINAL) -> Scenario:
         scenario: Scenario whose numbers are within their limits, and whose clearance can be resolved; not modified.
         base: Valid scenario; what follows other sizes than its own, follows from its values.
     """
-    chosen, g, own = copied(scenario), scenario.geometry, base.geometry
+    chosen: Scenario = copied(scenario)
+    g, own = scenario.geometry, base.geometry
     for path in FOLLOWERS:
         group, name = path.split(".")
         setattr(getattr(chosen, group), name, getattr(getattr(base, group), name))
