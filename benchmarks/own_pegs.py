@@ -9,11 +9,11 @@ from the seed: 1 chose the rules of `models.clearance`, 2 judges them.
 
 Laws at a friction of 0.2 in the exact engine, each where it applies (otherwise empty):
 
-- depth: error of the depth at which a peg rests that is pushed into two-point contact, with 5 N or, at a clearance
-  below the nominal one, less in proportion, so that the bodies are rigid (`models.contact_theory.two_point_depth`);
+- depth: error of the depth at which a peg rests that is pushed into two-point contact above the floor, with 5 N or, at
+  a clearance below the nominal one, less in proportion: then the bodies are rigid (`contact_theory.two_point_depth`);
 - slide, jam: error of the axial force of a slowly sliding peg, and share of 20 loads, at least 5 % from the edges of
   Whitney's jamming diagram, that slid or stuck as predicted; at half the depth of the bore, if the tilt of two-point
-  contact there is at most a tenth of the friction angle, and 2 mm are left to slide;
+  contact there, which the diagram leaves out, is at most a twentieth of the friction angle, and 2 mm are left to slide;
 - wedge: error of the smallest tilt that wedges, to the exact planar condition;
 - laws: whether depth and wedge are within 2 %, slide within 6 %, and jam is at least 0.9.
 
@@ -56,6 +56,7 @@ from models.contact_geometry import PegInHole
 from models.contact_theory import (
     exact_wedging_tilt,
     largest_entry_tilt,
+    two_point_depth,
     two_point_tilt,
 )
 from models.scenario import Scenario, parse_scenario
@@ -69,6 +70,9 @@ LEAST, MOST = np.log([0.003, 0.002, 0.5]), np.log([0.030, 0.2, 5.0])
 FRICTION, LOADS = 0.2, 20
 PUSH, FULL_PUSH, CONTACT, ROOM = 5.0, 50e-6, 0.2, 2e-3
 """Push, N, and clearance from which it is full, m; force in each contact of a sliding peg, N; way that it needs, m."""
+
+SMALL_TILT = 0.05
+"""Tilt over the friction angle that Whitney's jamming diagram may leave out."""
 
 RUN = 1000
 """Demonstrations and trials of design s have the seeds from s RUN on, those of scenario k from there + k."""
@@ -96,11 +100,12 @@ def laws(scenario: Scenario, seed: int) -> dict[str, Any]:
     size = {"peg_radius": sizes.r, "hole_radius": sizes.R}
     bore, largest = g.hole_depth - g.chamfer, largest_entry_tilt(**size)
     found: dict[str, Any] = {"depth": np.nan, "slide": np.nan, "jam": np.nan, "wedge": np.nan}
-    tilt, middle = max(0.3 * largest, two_point_tilt(0.9 * bore, **size)), 0.5 * bore
-    if tilt < 0.9 * largest:
+    tilts, middle = np.linspace(0.3, 0.9, 61) * largest, 0.5 * bore
+    off_floor = tilts[two_point_depth(tilts, **size) + sizes.r * np.sin(tilts) < 0.95 * bore]
+    if len(off_floor) > 0:
         probe, push = ExactProbe(converged(scenario, FRICTION), **PRESSED), PUSH * min(1.0, g.clearance / FULL_PUSH)
-        found["depth"] = press(probe, sizes, PegInHole.of(g), tilt, push)["depth_error"]
-    if two_point_tilt(middle, **size) < 0.1 * np.arctan(FRICTION) and middle > ROOM:
+        found["depth"] = press(probe, sizes, PegInHole.of(g), float(off_floor[0]), push)["depth_error"]
+    if two_point_tilt(middle, **size) < SMALL_TILT * np.arctan(FRICTION) and middle > ROOM:
         probe, moment = ExactProbe(converged(scenario, FRICTION), **CRAWLING), CONTACT * middle
         predicted, measured = crawl(probe, sizes, FRICTION, lateral=0.0, moment=moment, depth=middle)
         found["slide"] = float(np.mean(measured)) / predicted - 1.0

@@ -10,6 +10,8 @@
 - The load is the moment over r, and a microstep changes it by (pi/2) T_h / (microsteps r). ``holding_torque``, the
   current of the driver, and ``damping`` of the steppers are proportional to r, so that this load and the time constant
   of a step stay. Otherwise a step of the nominal motor would load a peg of 3 mm with 33 N.
+- The feed must hold the peg: ``current_limit`` also carries what the peg is heavier than the nominal one, and the gains
+  of its speed are proportional to the mass that it moves, so that the speed settles as fast.
 - Likewise the coupling to the hand: the angular stiffness and damping are proportional to r, ``torque_scale`` to 1/r,
   so that a load turns the peg as far, and feels as large. The guide of the fixture has the lever l = depth + pivot;
   ``peg_inertia`` follows the damping 2 B + B_g l^2 about the tip, so that B dt/I keeps its margin
@@ -61,8 +63,9 @@ import math
 
 from models.contact_checks import expected_overlap, softest_modulus
 from models.contact_theory import largest_entry_tilt, two_point_tilt
+from models.hardware import GRAVITY, STEEL
 from models.meshes import facet_sagitta, minimum_facets
-from models.scenario_tree import FREE_FACETS, FREE_FIXTURE, MIN_TIME_STEP, Scenario
+from models.scenario_tree import FREE_FACETS, FREE_FIXTURE, MIN_TIME_STEP, Geometry, Scenario
 from models.validation import copied, is_multiple, leaves
 
 NOMINAL = Scenario()
@@ -117,6 +120,7 @@ FOLLOWERS = (
     *("recorder.time_limit", "trial.time_limit"),
     *("stepper.holding_torque", "stepper.damping", "coupling.angular_stiffness", "coupling.angular_damping"),
     *("coupling.torque_scale", "coupling.peg_inertia", "operator.insertion_speed"),
+    *("feed.current_limit", "feed.speed_kp", "feed.speed_ki"),
 )
 """Keys of a scenario that follow its geometry."""
 
@@ -151,6 +155,11 @@ def following(scenario: Scenario, base: Scenario = NOMINAL) -> Scenario:
         limited.time_limit *= max(1.0, travel)
     chosen.stepper.holding_torque *= size
     chosen.stepper.damping *= size
+    own_mass, more = _peg_mass(base.geometry), _peg_mass(chosen.geometry) - _peg_mass(base.geometry)
+    chosen.feed.current_limit += max(0.0, more) * GRAVITY / chosen.feed.force_constant
+    for gain in ("speed_kp", "speed_ki"):
+        gains = 1.0 + max(0.0, more) / (own_mass + chosen.feed.reflected_mass)
+        setattr(chosen.feed, gain, getattr(chosen.feed, gain) * gains)
     chosen.coupling.angular_stiffness *= size
     chosen.coupling.angular_damping *= size
     chosen.coupling.torque_scale /= size
@@ -159,6 +168,11 @@ def following(scenario: Scenario, base: Scenario = NOMINAL) -> Scenario:
     chosen.operator.insertion_speed *= min(1.0, size**2 / heavier)
     chosen.trial.full_depth_margin = max(chosen.trial.full_depth_margin, seating_error(scenario) + MARGIN)
     return chosen
+
+
+def _peg_mass(g: Geometry) -> float:
+    """Returns the mass of a round peg of steel, kg."""
+    return STEEL * math.pi * g.peg_radius**2 * g.peg_length
 
 
 def _guided_damping(scenario: Scenario) -> float:

@@ -301,6 +301,10 @@ def test_what_states_the_nominal_sizes_is_nominal(engine):
                 "coupling.angular_damping": 7.2,
                 "coupling.torque_scale": 0.02 / 3.0,
                 "coupling.peg_inertia": 2e-2 * 14.8704 / 5.2704,
+                # 1.332 kg of steel where 0.148 kg were: 11.6 N more at 25.1 N/A; the rotor adds 1.579 kg.
+                "feed.current_limit": 1.0 + 11.613 / 25.101,
+                "feed.speed_kp": 0.05 * 2.911 / 1.727,
+                "feed.speed_ki": 2.0 * 2.911 / 1.727,
                 # A peg with 300 um of play over 25 mm may be tilted by 12 mrad: 0.36 mm, and 0.1 mm.
                 "trial.full_depth_margin": 0.46e-3,
             },
@@ -314,6 +318,9 @@ def test_what_states_the_nominal_sizes_is_nominal(engine):
                 "recorder.time_limit": 8.0 * 53 / 28,
                 "trial.time_limit": 10.0 * 53 / 28,
                 "coupling.peg_inertia": 2e-2 * 6.4854 / 5.2704,
+                "feed.current_limit": 1.0 + 0.605 / 25.101,  # 62 g more
+                "feed.speed_kp": 0.05 * 1.789 / 1.727,
+                "feed.speed_ki": 2.0 * 1.789 / 1.727,
                 "operator.insertion_speed": 0.02 * 5.2704 / 6.4854,
             },
         ),
