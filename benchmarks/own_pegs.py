@@ -1,6 +1,6 @@
 """Pegs of any size that state their geometry only: do the laws of theory hold, and is the skill taught there inserted?
 
-    python -m benchmarks.own_pegs OUT.csv [--seed 2] [--number 60] [--corners] [--good 12] [--trials 10]
+    python -m benchmarks.own_pegs OUT.csv [--seed 2] [--number 60] [--corners] [--good 12] [--trials 10] [--jobs 2]
 
 A Latin hypercube over the logarithms of radius (3 to 30 mm), clearance C/r (0.002 to 0.2) and depth (0.5 to 5 radii);
 ``--corners`` takes the eight corners of that range instead. A scenario states these sizes, and the exact engine. A row
@@ -17,7 +17,8 @@ Laws at a friction of 0.2 in the exact engine, each where it applies (otherwise 
 - wedge: error of the smallest tilt that wedges, to the exact planar condition;
 - laws: whether depth and wedge are within 2 %, slide within 6 %, and jam is at least 0.9.
 
-Skill: demonstrated is the number of good demonstrations; inserted is of the trials; time (s) and load (N) are medians;
+Skill: demonstrated is the number of demonstrations, a fifth of them bad; corrected that of corrections, of up to two
+rounds of 12 practice trials (`experiments.corrections`); inserted is of the trials; time (s) and load (N) are medians;
 ended says how the others ended. warned is what `haptic-skill record` says before it begins. cpu is in s.
 """
 
@@ -26,7 +27,8 @@ from __future__ import annotations
 import itertools
 import time
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any
@@ -48,6 +50,7 @@ from benchmarks.physics.contact_measurements import (
     press,
 )
 from benchmarks.physics.exact_probe import ExactProbe
+from experiments.corrections import CorrectionPlan, StuckTrial, correct, demonstrate_corrections, run_practice
 from experiments.demonstration_set import demonstrate_all, requests
 from experiments.trial import run_trials
 from interfaces.terminal import progress, say
@@ -61,8 +64,10 @@ from models.contact_theory import (
 )
 from models.scenario import Scenario, parse_scenario
 from skill.arrays import Array
+from skill.data.demonstration import Demonstration
 from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
+from skill.practice.query_state import QueryState
 
 LEAST, MOST = np.log([0.003, 0.002, 0.5]), np.log([0.030, 0.2, 5.0])
 """Logarithms of radius (m), C/r and depth/r."""
@@ -73,6 +78,8 @@ PUSH, FULL_PUSH, CONTACT, ROOM = 5.0, 50e-6, 0.2, 2e-3
 
 SMALL_TILT = 0.05
 """Tilt over the friction angle that Whitney's jamming diagram may leave out."""
+
+PRACTICE = {"rounds": 2, "trials": 12, "most": 10}
 
 RUN = 1000
 """Demonstrations and trials of design s have the seeds from s RUN on, those of scenario k from there + k."""
@@ -120,18 +127,35 @@ def laws(scenario: Scenario, seed: int) -> dict[str, Any]:
 
 
 def skill(scenario: Scenario, good: int, trials: int, seed: int) -> dict[str, Any]:
-    """Teaches a skill and performs its trials; returns how they ended."""
-    shown = []
+    """Teaches a skill as the commands do, by demonstrations and corrections; returns how its trials ended."""
+    shown: list[Demonstration] = []
+    plan = CorrectionPlan(**PRACTICE, seed=seed)
+
+    def learn() -> ManipulationSkill:
+        return ManipulationSkill(random_state=0).fit(shown)
+
+    def practise(policy: ManipulationSkill, number: int) -> list[StuckTrial]:
+        tried = run_practice(scenario, policy, plan.numbers(number), jobs=1)
+        return [StuckTrial(query_state, result) for result, query_state in tried if query_state is not None][
+            : plan.most
+        ]
+
+    def show(query_states: Sequence[QueryState], number: int) -> bool:
+        asked = dict(enumerate(query_states))
+        shown.extend(d for _, d in demonstrate_corrections(scenario, asked, seed=seed, jobs=1))
+        return True
+
     try:
-        for _, demonstration in demonstrate_all(scenario, requests(good, 0), seed=seed, jobs=1):
-            shown.append(demonstration)
+        shown += [d for _, d in demonstrate_all(scenario, requests(good, good // 4), seed=seed, jobs=1)]
+        first = len(shown)
+        learnt = correct(learn(), plan.rounds, practise=practise, demonstrate=show, train=lambda *_: learn())
     except ValueError as error:
         return {"demonstrated": len(shown), "inserted": 0, "ended": str(error)}
-    learnt = ManipulationSkill(random_state=0).fit(shown)
     results = [result for result, _ in run_trials(scenario, learnt, [100 * seed + k for k in range(trials)], jobs=1)]
     ended = Counter(result.reason for result in results if result.outcome is not Outcome.INSERTED)
     return {
-        "demonstrated": len(shown),
+        "demonstrated": first,
+        "corrected": len(shown) - first,
         "inserted": trials - ended.total(),
         "time": float(np.median([result.time for result in results])),
         "load": float(np.median([result.peak_load for result in results])),
@@ -156,17 +180,19 @@ def main(
     seed: Annotated[int, typer.Option(min=1, help="Of design, demonstrations and trials.")] = 2,
     number: Annotated[int, typer.Option(min=1, help="Scenarios.")] = 60,
     at_corners: Annotated[bool, typer.Option("--corners", help="The corners of the range.")] = False,
-    good: Annotated[int, typer.Option(min=1, help="Demonstrations.")] = 12,
+    good: Annotated[int, typer.Option(min=1, help="Good demonstrations; a quarter as many are bad.")] = 12,
     trials: Annotated[int, typer.Option(min=1, max=100, help="Trials.")] = 10,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
 ) -> None:
     design = corners() if at_corners else sizes_of(seed, number)
     done = set(pd.read_csv(out)["number"]) if out.exists() else set()
     missing = [k for k in range(len(design)) if k not in done]
     # A process for each scenario: Drake keeps the memory of its diagrams.
-    workers = ProcessPoolExecutor(1, mp_context=get_context("spawn"), max_tasks_per_child=1)
+    workers = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=1)
     with progress("own pegs", len(missing)) as advance, workers:
-        for k in missing:
-            row = {"number": k, **workers.submit(measure, design[k], good, trials, RUN * seed + k).result()}
+        measured = {workers.submit(measure, design[k], good, trials, RUN * seed + k): k for k in missing}
+        for done_now in as_completed(measured):
+            row = {"number": measured[done_now], **done_now.result()}
             pd.DataFrame([row]).reindex(columns=COLUMNS).to_csv(out, mode="a", header=not out.exists(), index=False)
             advance(f"r {1e3 * row['radius']:.2f} mm, C/r {row['ratio']:.4f}")
     say(summary(pd.read_csv(out), trials))
@@ -174,7 +200,7 @@ def main(
 
 COLUMNS = [
     *("number", "radius", "ratio", "depth_ratio", "depth", "slide", "jam", "wedge", "laws"),
-    *("demonstrated", "inserted", "time", "load", "ended", "warned", "cpu"),
+    *("demonstrated", "corrected", "inserted", "time", "load", "ended", "warned", "cpu"),
 ]
 
 
