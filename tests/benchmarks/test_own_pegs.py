@@ -18,19 +18,27 @@ def test_the_design_fills_its_range_and_is_that_of_its_seed():
     assert corners()[[0, -1]] == pytest.approx(np.array([[0.003, 0.002, 0.5], [0.03, 0.2, 5.0]]))
 
 
-@pytest.mark.parametrize("sizes", [(0.003, 0.002, 5.0), (0.03, 0.002, 0.5)])
+@pytest.mark.slow
+@pytest.mark.parametrize("sizes", [(0.003, 0.002, 5.0), (0.03, 0.002, 2.0)])
 def test_the_laws_hold_at_unusual_sizes(sizes):
     found = laws(scenario_of(*sizes), 0)
     assert abs(found["depth"]) < 0.02
     assert abs(found["slide"]) < 0.06
     assert abs(found["wedge"]) < 0.02
-    assert found["jam"] > 0.85  # 17 of at most 20 loads
+    assert found["jam"] > 0.9
 
 
+@pytest.mark.nightly
 def test_an_unusual_peg_is_taught_and_tried():
     row = measure(np.array([0.02, 0.05, 0.6]), 4, 1, 3)
-    assert row["demonstrated"] == 4
+    assert row["demonstrated"] == 4 + 1
     assert row["inserted"] == 1
+    assert row["warned"] == ""
+
+
+def test_the_depth_is_not_measured_where_the_floor_comes_before_the_second_contact():
+    assert np.isnan(laws(scenario_of(0.003, 0.12, 1.1), 0)["depth"])
+    assert abs(laws(scenario_of(0.0043, 0.0173, 0.6), 0)["depth"]) < 0.02
 
 
 def test_a_peg_that_no_device_reaches_is_refused():

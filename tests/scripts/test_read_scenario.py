@@ -25,11 +25,22 @@ def test_what_follows_the_geometry_and_what_may_fail_are_a_line_each(tmp_path, c
     )
 
 
+def test_a_small_tight_peg_swings_over_many_clearances(tmp_path, capsys):
+    path = tmp_path / "mine.yaml"
+    path.write_text("geometry: {peg_radius: 0.004, hole_radius: 0.00402, hole_depth: 0.01}")
+    read_scenario(str(path))
+    # The pivot is up to 3 mm from the mouth, the tilt up to sqrt(2) * 3.4 deg: 0.25 mm, over 0.02 mm.
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        "this peg may not be inserted: levelling moves its tip by up to 0.25 mm, 13 clearances; where it was more than"
+        " 10, skills missed up to two of ten trials"
+    ]
+
+
 @pytest.mark.parametrize(
     ("sizes", "doubt"),
     [
         (
-            "peg_radius: 0.002, hole_radius: 0.00202, hole_depth: 0.005",
+            "peg_radius: 0.002, hole_radius: 0.0022, hole_depth: 0.005",
             "peg_radius (m) 0.002 was not tried, 0.003 to 0.03 were",
         ),
         ("peg_radius: 0.01, hole_radius: 0.010015", "C/r 0.0015 was not tried, 0.002 to 0.2 were"),
