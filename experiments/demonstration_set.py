@@ -71,36 +71,49 @@ def demonstrate(scenario: Scenario, request: Request, *, seed: int) -> Demonstra
 
     A bad habit may insert by luck from a small tilt, and a good one may fail or end at once. The same person then tries
     again from another start. A person whose first `PATIENCE` attempts all end alike is replaced, once, by another one
-    of the same habit. The metadata hold the numbers of the person and of attempts.
+    of the same habit. What is no fault with one part, such as slamming into a loose hole, is one with another: after
+    that a bad example is tried with the other bad habits. The metadata hold the habit, the number of the person and the
+    number of attempts with that habit.
 
     Raises:
         ValueError: if no attempt is as requested.
     """
-    with_habit = copy.deepcopy(scenario)
-    with_habit.operator.habit = request.habit
-    person = seed * OPERATORS + request.operator
     outcomes: list[str] = []
+    for habit in [request.habit, *(h for h in BAD_HABITS if not request.good and h != request.habit)]:
+        found = _attempt(scenario, request, habit, seed, outcomes)
+        if found is not None:
+            return found
+    kind = "good" if request.good else "bad"
+    raise ValueError(
+        f"demonstration {request.number}: habit '{request.habit}' gave no {kind} example in {len(outcomes)}"
+        f" attempts (outcomes: {sorted(set(outcomes))}); change the operator or the start in the scenario"
+    )
+
+
+def _attempt(scenario: Scenario, request: Request, habit: str, seed: int, outcomes: list[str]) -> Demonstration | None:
+    """Lets people with a habit try; returns their demonstration, or None if none is as requested; adds outcomes."""
+    with_habit = copy.deepcopy(scenario)
+    with_habit.operator.habit = habit
+    person = seed * OPERATORS + request.operator
+    own: list[str] = []
     for attempt in range(MAX_ATTEMPTS):
         number = attempt_seed(seed, request.number, attempt)
         resolved = resolve_scenario(with_habit, seed=number, stream=DEMONSTRATION_STREAM, person=person)
         try:
             demonstration = run_demonstration(resolved)
         except ValueError as error:  # too short, or a wrench that no file may hold
-            outcomes.append(str(error))
+            own.append(str(error))
         else:
             if demonstration.good == request.good and demonstration.outcome is not Outcome.DIVERGED:
                 demonstration.metadata.update({"number": number, "operator": person, "attempts": attempt + 1})
                 return demonstration
-            outcomes.append(demonstration.reason)
-        if len(set(outcomes)) == 1 and len(outcomes) == PATIENCE:
+            own.append(demonstration.reason)
+        if len(set(own)) == 1 and len(own) == PATIENCE:
             person += SUBSTITUTE
-        if len(set(outcomes)) == 1 and len(outcomes) == 2 * PATIENCE:
+        if len(set(own)) == 1 and len(own) == 2 * PATIENCE:
             break
-    kind = "good" if request.good else "bad"
-    raise ValueError(
-        f"demonstration {request.number}: habit '{request.habit}' gave no {kind} example in {len(outcomes)}"
-        f" attempts (outcomes: {sorted(set(outcomes))}); change the operator or the start in the scenario"
-    )
+    outcomes += own
+    return None
 
 
 def demonstrate_all(

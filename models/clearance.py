@@ -1,4 +1,32 @@
-"""Numerics and start of a scenario that follow its clearance C = R - r.
+"""What of a scenario follows its geometry where a file does not state it (`following`).
+
+**Sizes.** The rest of the nominal rig was chosen for r = 10 mm and a hole 25 mm deep.
+
+- What must hold the part grows with it, and never shrinks: stock of the nominal size serves smaller parts. A deeper
+  hole takes as much more of ``peg_length`` and ``sensor.height``, or holder and sensor would enter it. A wider one
+  leaves the wall of the block. The time limits grow with the travel from the start to the bottom.
+- ``start.height`` grows with r: the rim of a tilted hole, at r sin(tilt), must stay below the tip while the sensor is
+  tared.
+- The load is the moment over r, and a microstep changes it by (pi/2) T_h / (microsteps r). ``holding_torque``, the
+  current of the driver, and ``damping`` of the steppers are proportional to r, so that this load and the time constant
+  of a step stay. Otherwise a step of the nominal motor would load a peg of 3 mm with 33 N.
+- The feed must hold the peg: ``current_limit`` also carries what the peg is heavier than the nominal one, and the gains
+  of its speed are proportional to the mass that it moves, so that the speed settles as fast.
+- Likewise the coupling to the hand: the angular stiffness and damping are proportional to r, ``torque_scale`` to 1/r,
+  so that a load turns the peg as far, and feels as large. The guide of the fixture has the lever l = depth + pivot;
+  ``peg_inertia`` follows the damping 2 B + B_g l^2 about the tip, so that B dt/I keeps its margin
+  (`systems.haptics.coupling_margins`).
+- A tilted peg that enters a narrow hole at the speed v must turn at about v/r, which takes the impulse I v / r^2. The
+  operator's ``insertion_speed`` is lower where this would be more than nominal.
+- A loose peg may reach the floor with the tilt theta of two-point contact, or of its start if that is smaller; its rim
+  then touches at r sin(theta). This and 0.1 mm are the ``full_depth_margin``, where that is more than the nominal one.
+- The ranges of the tilt keep their part of the largest tilt that enters (`start_of_clearance`).
+
+Hardware stays: sensor, feed, mount, pivot, force limits; so do the other habits of people, and the chamfer, which must
+take the offset of a tip that turns about the pivot, whatever its radius.
+
+**Numerics** follow the clearance C = R - r. The exact engine keeps the nominal step: its bodies are rigid, and it
+solves for the gap at the end of a step, so that no overlap is proportional to the step.
 
 The numerics of the nominal scenario, with C = 50 um and c = C/r = 0.005, were chosen by measurement (docs/physics.md,
 "Convergence"). A simulation adds three lengths to those of the bodies. The contact at another clearance is as good as
@@ -32,15 +60,13 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import replace
-from pathlib import Path
 
 from models.contact_checks import expected_overlap, softest_modulus
-from models.contact_theory import largest_entry_tilt
-from models.document import read_document, read_text
+from models.contact_theory import largest_entry_tilt, two_point_tilt
+from models.hardware import GRAVITY, STEEL
 from models.meshes import facet_sagitta, minimum_facets
-from models.scenario import FREE_FACETS, FREE_FIXTURE, MIN_TIME_STEP, Geometry, Scenario, load_scenario
-from models.validation import check_document, is_multiple
+from models.scenario_tree import FREE_FACETS, FREE_FIXTURE, MIN_TIME_STEP, Geometry, Scenario
+from models.validation import copied, is_multiple, leaves
 
 NOMINAL = Scenario()
 """The scenario whose numerics were chosen by measurement."""
@@ -50,6 +76,12 @@ SYMMETRY = 4
 
 TRUSTED_PART = 0.25
 """Largest overlap over the clearance under the largest load; a trial with a deeper one is not trusted."""
+
+CORNER = 2.0
+"""At least how far the corners of a named section are from the axis, over its sides."""
+
+MARGIN = 0.1e-3
+"""Distance above the seat of a tilted peg that counts as inserted, m."""
 
 MOUNT_PART = 0.1
 """Largest overlap over the deflection of the nominal mount, both under the largest load."""
@@ -81,47 +113,93 @@ def numerics_of_clearance(scenario: Scenario) -> Scenario:
     return chosen
 
 
-def load_scenario_of_clearance(
-    name: str | Path = "nominal", engine: str | None = None, *, defaults: Scenario | None = None
-) -> Scenario:
-    """Reads a scenario as `load_scenario` does; its clearance decides the numerics that the file does not state.
+FOLLOWERS = (
+    *("geometry.facets", "contact.modulus", "contact.time_step"),
+    *("geometry.peg_length", "geometry.block_radius", "sensor.height", "start.height"),
+    *("start.tilt_range", "start.demonstrated_tilt_range", "trial.full_depth_margin"),
+    *("recorder.time_limit", "trial.time_limit"),
+    *("stepper.holding_torque", "stepper.damping", "coupling.angular_stiffness", "coupling.angular_damping"),
+    *("coupling.torque_scale", "coupling.peg_inertia", "operator.insertion_speed"),
+    *("feed.current_limit", "feed.speed_kp", "feed.speed_ki"),
+)
+"""Keys of a scenario that follow its geometry."""
 
-    These are ``geometry.facets``, ``contact.modulus`` and ``contact.time_step`` (see `numerics_of_clearance`). A file
-    with the nominal clearance, or with any of them, is read as it is.
+
+def following(scenario: Scenario, base: Scenario = NOMINAL) -> Scenario:
+    """Returns a copy in which the `FOLLOWERS` are those of the geometry, and those of the base at its geometry.
 
     Args:
-        name: of a scenario, or path of a file.
-        engine: of `models.scenario.ENGINES`, in place of the scenario's; None keeps that.
-        defaults: see `load_scenario`; the numerics of another clearance come before them.
-
-    Raises:
-        ValueError: see `load_scenario`.
-        OSError: if the file cannot be read.
+        scenario: Scenario whose numbers are within their limits, and whose clearance can be resolved; not modified.
+        base: Valid scenario; what follows other sizes than its own, follows from its values.
     """
-    scenario = _scenario_of_clearance(name, defaults)
-    scenario.contact.engine = engine or scenario.contact.engine
-    return scenario
+    chosen: Scenario = copied(scenario)
+    g, own = scenario.geometry, base.geometry
+    for path in FOLLOWERS:
+        group, name = path.split(".")
+        setattr(getattr(chosen, group), name, getattr(getattr(base, group), name))
+    if math.isclose(g.clearance, own.clearance, rel_tol=TOLERANCE):
+        chosen.geometry.facets = max(own.facets, FREE_FACETS if scenario.fixture == FREE_FIXTURE else 0)
+    else:
+        chosen = numerics_of_clearance(chosen)
+    if scenario.contact.engine == "exact" or step_of_clearance(g.clearance) == NOMINAL.contact.time_step:
+        chosen.contact.time_step = base.contact.time_step
+    if relative_entry_tilt(scenario) != relative_entry_tilt(base):
+        chosen = start_of_clearance(chosen)
+    deeper, size = max(0.0, g.hole_depth - own.hole_depth), g.peg_radius / own.peg_radius
+    chosen.geometry.peg_length += deeper
+    chosen.sensor.height += deeper
+    chosen.geometry.block_radius += (1.0 if g.is_round else CORNER) * max(0.0, g.hole_radius - own.hole_radius)
+    chosen.start.height *= max(1.0, size)
+    travel = (chosen.start.height + g.hole_depth) / (base.start.height + own.hole_depth)
+    for limited in (chosen.recorder, chosen.trial):
+        limited.time_limit *= max(1.0, travel)
+    chosen.stepper.holding_torque *= size
+    chosen.stepper.damping *= size
+    own_mass, more = _peg_mass(base.geometry), _peg_mass(chosen.geometry) - _peg_mass(base.geometry)
+    chosen.feed.current_limit += max(0.0, more) * GRAVITY / chosen.feed.force_constant
+    for gain in ("speed_kp", "speed_ki"):
+        gains = 1.0 + max(0.0, more) / (own_mass + chosen.feed.reflected_mass)
+        setattr(chosen.feed, gain, getattr(chosen.feed, gain) * gains)
+    chosen.coupling.angular_stiffness *= size
+    chosen.coupling.angular_damping *= size
+    chosen.coupling.torque_scale /= size
+    heavier = _guided_damping(chosen) / _guided_damping(base)
+    chosen.coupling.peg_inertia *= heavier
+    chosen.operator.insertion_speed *= min(1.0, size**2 / heavier)
+    chosen.trial.full_depth_margin = max(chosen.trial.full_depth_margin, seating_error(scenario) + MARGIN)
+    return chosen
 
 
-def _scenario_of_clearance(name: str | Path, defaults: Scenario | None) -> Scenario:
-    path = Path(name)
-    if path.suffix != ".yaml" or not path.is_file():
-        return load_scenario(name, defaults=defaults)
-    where = f"scenario {path}"
-    document = read_document(read_text(path, where), where) or {}
-    check_document(document, Scenario, where)
-    geometry, contact = document.get("geometry", {}), document.get("contact", {})
-    clearance = Geometry(**geometry).clearance
-    stated = "facets" in geometry or {"modulus", "time_step"} & set(contact)
-    if stated or not clearance > 0.0 or math.isclose(clearance, NOMINAL.geometry.clearance, rel_tol=TOLERANCE):
-        if defaults is not None and document.get("fixture") == FREE_FIXTURE:
-            defaults = replace(defaults, geometry=Geometry(facets=FREE_FACETS))
-        return load_scenario(path, defaults=defaults)
-    known = copy.deepcopy(defaults or NOMINAL)
-    known.geometry, known.fixture = Geometry(**geometry), document.get("fixture", NOMINAL.fixture)
-    guard = document.get("controller", {}).get("guard", {})
-    known.controller.guard.force_limit = guard.get("force_limit", NOMINAL.controller.guard.force_limit)
-    return load_scenario(path, defaults=numerics_of_clearance(known))
+def _peg_mass(g: Geometry) -> float:
+    """Returns the mass of a round peg of steel, kg."""
+    return STEEL * math.pi * g.peg_radius**2 * g.peg_length
+
+
+def _guided_damping(scenario: Scenario) -> float:
+    """Returns the damping of coupling and guide about the tip of a peg at the bottom, N m s/rad."""
+    lever, coupling = scenario.geometry.hole_depth + NOMINAL.rig.pivot_range, scenario.coupling
+    return 2.0 * coupling.angular_damping + coupling.guide_damping * lever**2
+
+
+def seating_error(scenario: Scenario) -> float:
+    """Returns how far above the floor the tip of a tilted peg rests (m): r sin of the largest tilt that it may have.
+
+    That is the tilt of two-point contact at the bottom, or of the start if that is smaller.
+    """
+    g = scenario.geometry
+    play = two_point_tilt(g.hole_depth, peg_radius=g.peg_radius, hole_radius=g.hole_radius)
+    return g.peg_radius * math.sin(min(play, largest_start_tilt(scenario)))
+
+
+def largest_start_tilt(scenario: Scenario) -> float:
+    """Returns the largest tilt of a demonstration's start, about both axes together, rad."""
+    return math.sqrt(2.0) * scenario.start.demonstrated_tilt_range
+
+
+def followed(scenario: Scenario, base: Scenario = NOMINAL) -> str:
+    """Returns the keys that follow the geometry, with values in SI units, where these are not those of the base."""
+    own, given, rule = ({path: v for path, v, _ in leaves(s)} for s in (scenario, base, following(scenario, base)))
+    return ", ".join(f"{path} {own[path]:.3g}" for path in FOLLOWERS if own[path] == rule[path] != given[path])
 
 
 def facets_of_clearance(*, hole_radius: float, clearance: float, spins: bool) -> int:
@@ -180,7 +258,7 @@ def _common_step(first: float, second: float, *, longest: float) -> float:
     shortest = MIN_TIME_STEP
     counts = range(1, math.floor(first / shortest * (1.0 + TOLERANCE)) + 1)
     steps = [max(shortest, first / count) for count in counts if is_multiple(second, first / count)]
-    return next((step for step in steps if step <= longest * (1.0 + TOLERANCE)), steps[-1])
+    return next((step for step in steps if step <= longest * (1.0 + TOLERANCE)), steps[-1] if steps else longest)
 
 
 def start_of_clearance(scenario: Scenario) -> Scenario:
@@ -208,3 +286,34 @@ def relative_entry_tilt(scenario: Scenario) -> float:
         for g in (scenario.geometry, NOMINAL.geometry)
     )
     return own / nominal
+
+
+TRIED = {"peg_radius (m)": (0.003, 0.030), "C/r": (0.002, 0.2), "hole_depth/r": (0.5, 5.0)}
+"""Sizes of the pegs of `benchmarks.own_pegs`."""
+
+
+SWING = 10
+"""Clearances by which the tip may move sideways when the hole is turned; it is 5 in the nominal scenario."""
+
+
+def doubts(scenario: Scenario) -> list[str]:
+    """Returns why the skill may not insert this part, in words; nothing where no reason is known."""
+    g = scenario.geometry
+    found = []
+    sizes = (g.peg_radius, g.clearance / g.peg_radius, g.hole_depth / g.peg_radius)
+    for (name, (least, most)), value in zip(TRIED.items(), sizes, strict=True):
+        if not least * (1.0 - TOLERANCE) <= value <= most * (1.0 + TOLERANCE):
+            found.append(f"{name} {value:.3g} was not tried, {least:g} to {most:g} were")
+    swing = scenario.rig.pivot_range * math.sin(math.sqrt(2.0) * scenario.start.tilt_range)
+    if swing > SWING * g.clearance:
+        found.append(
+            f"levelling moves its tip by up to {1e3 * swing:.2g} mm, {swing / g.clearance:.0f} clearances; where it was"
+            f" more than {SWING}, skills missed up to two of ten trials"
+        )
+    offset = scenario.rig.demonstrated_pivot_range * math.sin(largest_start_tilt(scenario))
+    if g.chamfer + g.clearance < offset:
+        found.append(
+            f"its tip starts up to {1e3 * offset:.2g} mm off the axis, chamfer and clearance take"
+            f" {1e3 * (g.chamfer + g.clearance):.2g} mm"
+        )
+    return found

@@ -65,6 +65,10 @@ DEVICE_PRESETS: dict[str, HapticDeviceParameters] = {
 }
 
 
+STEEL = 7850.0  # in units of kg/m^3, of the peg
+GRAVITY = 9.81  # in units of m/s^2
+
+
 @dataclass
 class StepperMotorParameters:
     """A hybrid stepper motor with a reduction gear, described at the gear's output; it holds like a magnetic spring."""

@@ -6,9 +6,12 @@ A command imports what it needs when it runs. So help and `replay` start quickly
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+
+if TYPE_CHECKING:
+    from models.scenario import Scenario
 
 MAX_SEED = 2**32 - 1  # the largest that NumPy and scikit-learn accept everywhere
 MAX_TRIALS = 100_000
@@ -109,6 +112,26 @@ Host = Annotated[
     typer.Option(help="With --live: address at which the page listens.", show_default="127.0.0.1: this machine"),
 ]
 Port = Annotated[int | None, typer.Option(help="With --live: port of the page.", show_default="a free one")]
+
+
+def read_scenario(name: str, engine: str | None = None, *, defaults: Scenario | None = None) -> Scenario:
+    """Reads the scenario of a command; says what of it follows the geometry, and why its peg may not be inserted.
+
+    Raises:
+        ValueError: see `models.scenario.load_scenario`.
+        OSError: if the file cannot be read.
+    """
+    from interfaces.terminal import say
+    from models.clearance import doubts, followed
+    from models.scenario import Scenario, load_scenario
+
+    scenario = load_scenario(name, engine, defaults=defaults)
+    chosen = followed(scenario, defaults or Scenario())
+    if chosen:
+        say(f"follows the geometry (SI units): {chosen}")
+    for doubt in doubts(scenario):
+        say(f"this peg may not be inserted: {doubt}")
+    return scenario
 
 
 def find_skill(given: Path | None) -> Path:

@@ -21,6 +21,7 @@ from scripts.command_line import (
     SkillFile,
     Verbose,
     path_option,
+    read_scenario,
 )
 
 if TYPE_CHECKING:
@@ -130,13 +131,12 @@ def ask_only(
     """
     from experiments.outputs.output_checks import check_file, named_errors, require_distinct
     from interfaces.terminal import say, write_json
-    from models.clearance import load_scenario_of_clearance
     from skill.manipulation_skill import ManipulationSkill
 
     if json is not None:
         require_distinct({"--skill": skill, "--json": json})
         check_file(json, ".json", option="--json")
-    chosen = load_scenario_of_clearance(scenario, engine)
+    chosen = read_scenario(scenario, engine)
     stuck = practise(chosen, ManipulationSkill.load(skill), plan, 1, jobs=jobs)
     if json is not None:
         with named_errors(json, "the skill is unchanged"):
@@ -206,11 +206,10 @@ def begin(
 
     from experiments.outputs.output_checks import REPORT_SIZE, check_file, require_distinct
     from experiments.outputs.output_set import find_recordings
-    from models.clearance import load_scenario_of_clearance
     from scripts.train import train
     from skill.manipulation_skill import ManipulationSkill
 
-    chosen, learnt = load_scenario_of_clearance(scenario, engine), ManipulationSkill.load(skill)
+    chosen, learnt = read_scenario(scenario, engine), ManipulationSkill.load(skill)
     require_distinct({"--demonstrations": demonstrations, "--corrections": corrections})
     check_file(out, ".npz", size=REPORT_SIZE)
     find_recordings(demonstrations)

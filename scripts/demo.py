@@ -7,7 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scripts import rig
-from scripts.command_line import Bad, Engine, Jobs, OneOrMoreGood, OutFolder, ScenarioName, Seed, Trials, Verbose
+from scripts.command_line import (
+    Bad,
+    Engine,
+    Jobs,
+    OneOrMoreGood,
+    OutFolder,
+    ScenarioName,
+    Seed,
+    Trials,
+    Verbose,
+    read_scenario,
+)
 from scripts.correct import correct_simulated
 from scripts.record import record
 from scripts.train import train
@@ -62,14 +73,13 @@ def main(
     from experiments.provenance import versions
     from interfaces.reports.result_tables import result_summary, result_table, state_table
     from interfaces.terminal import only_progress, say, show
-    from models.clearance import load_scenario_of_clearance
     from models.scenario import dump_scenario
     from skill.data.files import write_atomically
     from skill.manipulation_skill import ManipulationSkill
 
     start_time = time.monotonic()
     recorded, inserted, skill_file, state_file = out / "demonstrations", out / "rig", out / SKILL, out / UNFINISHED
-    text = dump_scenario(load_scenario_of_clearance(scenario, engine))
+    text = dump_scenario(read_scenario(scenario, engine))
     request = {**{"good": good, "bad": bad, "trials": trials, "seed": seed}, "scenario": text, "versions": versions()}
     size = (good + bad) * RECORDING_SIZE + trials * REPORT_SIZE
     check_folder(out, size=len(PICTURES) * REPORT_SIZE + size)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scripts.command_line import MAX_SEED, Engine, Jobs, OutFile, ScenarioName, Seed, SkillFile
+from scripts.command_line import MAX_SEED, Engine, Jobs, OutFile, ScenarioName, Seed, SkillFile, read_scenario
 
 if TYPE_CHECKING:
     from experiments.outputs.output_set import OutputSet
@@ -87,13 +87,12 @@ def main(
     from experiments.trial import run_trial, trial_scenario
     from interfaces.reports.practice_report import change_table, check_costs, practice_record, round_table
     from interfaces.terminal import progress, say, show, write_json
-    from models.clearance import load_scenario_of_clearance
     from models.scenario import dump_scenario
     from skill.figures.paper_figures import save_figure
     from skill.figures.practice_figure import plot_practice
     from skill.manipulation_skill import ManipulationSkill
 
-    first, chosen = ManipulationSkill.load(skill), load_scenario_of_clearance(scenario, engine)
+    first, chosen = ManipulationSkill.load(skill), read_scenario(scenario, engine)
     practice = Practice(rounds=rounds, starts=starts, checks=checks, seed=seed)
     trials_file, figure_file = out.with_suffix(".json"), out.with_suffix(".png")
     require_distinct({"--skill": skill, "--out": out})

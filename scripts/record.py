@@ -23,6 +23,7 @@ from scripts.command_line import (
     Seed,
     Verbose,
     path_option,
+    read_scenario,
 )
 
 if TYPE_CHECKING:
@@ -131,14 +132,13 @@ def record(
     from experiments.outputs.set_index import DEMONSTRATIONS, SetIndex
     from experiments.provenance import versions
     from interfaces.terminal import progress, say
-    from models.clearance import load_scenario_of_clearance
     from models.scenario import dump_scenario
     from skill.data.demonstration import Demonstration, write_demonstration
     from skill.figures.demonstration_figure import plot_set
     from skill.figures.paper_figures import save_figure
     from systems.haptics.coupling_margins import require_margins
 
-    chosen = load_scenario_of_clearance(scenario, engine)
+    chosen = read_scenario(scenario, engine)
     requested = {request.file_name: request for request in requests(good, bad)}
     margins = require_margins(chosen)
     check_folder(out, size=len(requested) * RECORDING_SIZE + REPORT_SIZE)
@@ -198,13 +198,12 @@ def record_live(
     from experiments.self_test import hold_pace
     from interfaces.live.session import LiveSession, asked_scenario, live_scenario
     from interfaces.terminal import say
-    from models.clearance import load_scenario_of_clearance
     from models.scenario import load_scenario
     from skill.manipulation_skill import ManipulationSkill
     from skill.practice.query_state import read_query_states
     from systems.law import check_geometry
 
-    chosen = load_scenario_of_clearance(scenario, engine, defaults=load_scenario("device"))
+    chosen = read_scenario(scenario, engine, defaults=load_scenario("device"))
     margins = live_margins(chosen, driver)
     query_states = read_query_states(asked) if asked is not None else []
     skill = None

@@ -19,6 +19,7 @@ from scripts.command_line import (
     Trials,
     find_skill,
     path_option,
+    read_scenario,
 )
 
 if TYPE_CHECKING:
@@ -87,14 +88,13 @@ def main(
     from experiments.provenance import versions
     from experiments.trial import Arm, run_trials
     from interfaces.terminal import progress, say
-    from models.clearance import load_scenario_of_clearance
     from models.scenario import dump_scenario, validate_scenario
     from skill.data.rig_run import write_rig_run
     from skill.manipulation_skill import ManipulationSkill
 
     skill = find_skill(skill)
     policy, numbers = ManipulationSkill.load(skill), range(seed, seed + trials)
-    chosen = load_scenario_of_clearance(scenario, engine)
+    chosen = read_scenario(scenario, engine)
     if tilt_deg is not None:
         chosen.start.tilt_range = math.radians(tilt_deg)
     if friction is not None:

@@ -39,8 +39,7 @@ from experiments.trial import Arm
 from interfaces.gym.agents import PolicyAgent, run_episode
 from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import console, progress, write_json
-from models.clearance import load_scenario_of_clearance
-from models.scenario import Scenario
+from models.scenario import Scenario, load_scenario
 from scripts.command_line import ScenarioName
 from skill.arrays import Array
 from skill.features.measurement import measurement
@@ -189,7 +188,7 @@ def main(
     figure: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the learning curve into this file.")] = None,
     json: JsonFile = None,
 ) -> None:
-    chosen = load_scenario_of_clearance(scenario, "exact")  # the fastest engine
+    chosen = load_scenario(scenario, "exact")  # the fastest engine
     references = {
         "skill": evaluate(chosen, ManipulationSkill.load(skill), trials),
         "straight push": evaluate(chosen, StraightPush(PUSH), trials),

@@ -21,7 +21,7 @@ from interfaces.reports.part_figure import plot_part
 from models.cad.pair import fit
 from models.cad.part_file import part_text, remarks
 from models.cad.solid import read_solid
-from models.clearance import load_scenario_of_clearance
+from models.scenario import load_scenario
 from skill import ManipulationSkill
 from skill.features.measurement import contact_loads
 
@@ -46,7 +46,7 @@ print(text)
 
 path = Path("part.yaml")
 path.write_text(text)
-scenario = load_scenario_of_clearance(path, "exact")
+scenario = load_scenario(path, "exact")
 path.unlink()
 demonstrations = [shown for _, shown in demonstrate_all(scenario, requests(13, 3), seed=1, jobs=1)]
 skill = ManipulationSkill().fit(demonstrations)

@@ -6,25 +6,20 @@ Teach the insertion of another peg: radius 6 mm in a hole with radius 6.05 mm, a
 """
 
 # %%
-# A scenario is a tree of dataclasses. Change what differs, and let facets, modulus and time step follow the clearance.
-# Everything is in SI units.
+# A scenario is a YAML file. State what differs, in SI units; numerics, lengths and drives follow the geometry.
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 from experiments.demonstration_set import demonstrate, requests
 from experiments.trial import run_trials
-from models.clearance import numerics_of_clearance
-from models.scenario import load_scenario
+from models.clearance import followed
+from models.scenario import parse_scenario
 from skill import ManipulationSkill
 
-scenario = load_scenario("nominal")
-scenario.geometry.peg_radius = 0.006
-scenario.geometry.hole_radius = 0.00605
-scenario.geometry.chamfer = 0.0008
-scenario = numerics_of_clearance(scenario)
-print(f"clearance over diameter: {scenario.geometry.clearance / scenario.geometry.peg_radius:.4f}")
-print(f"facets: {scenario.geometry.facets}, time step: {1e3 * scenario.contact.time_step:g} ms")
+scenario = parse_scenario("geometry: {peg_radius: 0.006, hole_radius: 0.00605, chamfer: 0.0008}", "my peg")
+print(f"clearance over radius: {scenario.geometry.clearance / scenario.geometry.peg_radius:.4f}")
+print(f"follows the geometry: {followed(scenario)}")
 
 # %%
 # Eight good demonstrations and two bad ones. A simulated operator feels the forces through a spring and a damper, and

@@ -31,13 +31,13 @@ from pydrake.geometry import Meshcat
 
 from experiments.trial import Arm, trial_scenario
 from interfaces.sensors.net_ft_server import NetFtServer
+from models.hardware import GRAVITY
 from models.scenario import Scenario
 from skill.arrays import Array
 from systems.arm.arm_bodies import PERIOD
 from systems.arm.tip_servo import tip_at, tip_pose
 from systems.arm.torque_arm import TorqueArm
 from systems.math.noise import standard_normal
-from systems.plant.held_peg import GRAVITY
 
 logging.getLogger("franky_sim").setLevel(logging.ERROR)  # it warns of frames that are only stored
 

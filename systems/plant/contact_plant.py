@@ -47,6 +47,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 import models
 from models.contact_geometry import PegInHole
+from models.hardware import STEEL
 from models.meshes import BrokenEdge, TriangleMesh, make_hole, make_peg
 from models.scenario import FREE_FIXTURE, Geometry, Scenario
 from skill.arrays import Array
@@ -55,7 +56,6 @@ from systems.plant.contact_forces import Contact, hydroelastic_forces, single_co
 from systems.plant.rig_plant import stepper_axes
 
 DIVERGENCE_FORCE = 1e5  # in units of N; a larger contact force means that the simulation has diverged
-STEEL = 7850.0  # in units of kg/m^3
 ALUMINIUM = 2700.0  # in units of kg/m^3
 MOUNT_MASS = 0.05  # in units of kg, of each of the mount's two slides
 PEG_COLOUR = np.array([0.93, 0.60, 0.22, 0.65])

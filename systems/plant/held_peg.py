@@ -13,16 +13,15 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from models import Array
 from models.arm import ArmParameters
+from models.hardware import GRAVITY, STEEL
 from models.scenario import Scenario
 from skill.compiled import compiled
 from systems.math.rotation import free_body_pose
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
-from systems.plant.contact_plant import STEEL
 from systems.plant.exact_contact import STEPS
 from systems.plant.exact_gaps import Bodies
 from systems.plant.exact_peg import advance_peg, product, rotation_of, turn
 
-GRAVITY = 9.81
 """m/s^2, downwards in H."""
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
-from models.hardware import DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
+from models.hardware import GRAVITY, DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
 from skill.arrays import Array
 from skill.compiled import compiled
 from systems.steps.dc_motor import Drive, carriage_force
@@ -16,7 +16,6 @@ from systems.steps.faults import STICKS, Fault, reading_deviation
 if TYPE_CHECKING:  # a scenario needs Drake
     from models.scenario import Scenario
 
-GRAVITY = 9.81  # in units of m/s^2
 SIGMAS = 6.0  # a bias or drift beyond so many standard deviations of the data sheet is a fault
 NOISE_FACTOR = 5.0  # noise beyond so many times that of the data sheet is a fault
 TARE_SAMPLES = 5  # of one tare

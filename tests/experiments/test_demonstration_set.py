@@ -101,6 +101,20 @@ def test_sixteen_equal_outcomes_end_the_attempts(quick_scenario, record):
     assert len(scenarios) == 16
 
 
+def test_where_a_bad_habit_does_no_harm_the_others_are_tried(quick_scenario, record):
+    scenarios = record(*[Outcome.INSERTED] * 32, Outcome.JAMMED)
+    found = demonstrate(quick_scenario, Request(5, "slams", False), seed=2)
+    assert [s.operator.habit for s in scenarios] == ["slams"] * 16 + ["blind"] * 16 + ["gives_up"]
+    assert (found.metadata["operator"], found.metadata["attempts"]) == (2 * OPERATORS + 5, 1)
+
+
+def test_where_no_bad_habit_does_harm_all_have_been_tried(quick_scenario, record):
+    scenarios = record(Outcome.INSERTED)
+    with pytest.raises(ValueError, match=r"'slams' gave no bad example in 64 attempts \(outcomes: \['inserted'\]\)"):
+        demonstrate(quick_scenario, Request(5, "slams", False), seed=2)
+    assert len(scenarios) == 64
+
+
 def test_different_outcomes_are_tried_fifty_times(quick_scenario, record):
     scenarios = record(Outcome.TIME_OVER, Outcome.JAMMED)
     with pytest.raises(ValueError, match="no good example in 50 attempts"):

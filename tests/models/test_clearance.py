@@ -4,14 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from experiments.trial_result import TRUSTED_OVERLAP
 from models.clearance import (
+    FOLLOWERS,
     TRUSTED_PART,
     facets_of_clearance,
-    load_scenario_of_clearance,
+    followed,
+    following,
     modulus_of_clearance,
     numerics_of_clearance,
     start_of_clearance,
@@ -27,8 +29,11 @@ from models.scenario import (
     Scenario,
     dump_scenario,
     load_scenario,
+    parse_scenario,
     validate_scenario,
 )
+from models.validation import leaves
+from systems.haptics.coupling_margins import require_margins
 
 RADII = st.floats(1e-4, 0.015)
 RATIOS = st.floats(math.log(1e-4), math.log(0.5)).map(math.exp)  # C / r
@@ -226,30 +231,177 @@ def test_smaller_ranges_and_given_tilts_stay():
     assert start_of_clearance(scenario) == scenario
 
 
-def test_a_file_with_another_clearance_gets_its_numerics_where_it_states_none(tmp_path):
+# what follows the geometry of a file
+
+
+def own_peg(radius, ratio, depth, rest="", engine=None):
+    """The scenario of a file that states radius (m), C/r and depth/r."""
+    sizes = f"peg_radius: {radius}, hole_radius: {radius * (1.0 + ratio):.9g}, hole_depth: {radius * depth:.9g}"
+    return parse_scenario(f"geometry: {{{sizes}}}\n{rest}", "mine", engine=engine)
+
+
+def test_a_file_gets_the_numerics_of_its_clearance_key_by_key(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("geometry: {peg_radius: 0.004, hole_radius: 0.00404, hole_depth: 0.02}")
-    scenario = load_scenario_of_clearance(path)
-    assert scenario == numerics_of_clearance(load_scenario(path))
-    assert scenario.contact.time_step < Scenario().contact.time_step
+    scenario = load_scenario(path)
+    assert (
+        numbers(scenario) == numbers(numerics_of_clearance(scenario_of(0.01, radius=0.004))) == (32, 6.08e11, 0.02 / 13)
+    )
     path.write_text(path.read_text() + "\ncontact: {time_step: 0.001}")
-    assert load_scenario_of_clearance(path) == load_scenario(path)
-    assert load_scenario_of_clearance() == load_scenario()
+    assert numbers(load_scenario(path)) == (32, 6.08e11, 1e-3)
+
+
+def test_the_exact_engine_keeps_the_nominal_step():
+    assert own_peg(0.003, 0.002, 5.0).contact.time_step == pytest.approx(0.02 / 84)
+    assert own_peg(0.003, 0.002, 5.0, engine="exact").contact.time_step == 2e-3
+    assert own_peg(0.003, 0.002, 5.0, "contact: {engine: exact, time_step: 0.001}").contact.time_step == 1e-3
+
+
+def test_other_periods_at_a_large_clearance_must_still_be_multiples_of_the_nominal_step():
+    with pytest.raises(ValueError, match=r"controller.period is 0.025 s, expected a multiple of contact.time_step"):
+        own_peg(0.01, 0.02, 2.5, "controller: {period: 0.025}")
+
+
+@pytest.mark.parametrize("engine", [None, "exact"])
+def test_what_states_the_nominal_sizes_is_nominal(engine):
+    scenario = own_peg(0.01, 0.005, 2.5, engine=engine)
+    scenario.contact.engine = "drake"
+    assert scenario == Scenario()
+    assert followed(scenario) == ""
 
 
 @pytest.mark.parametrize(
-    ("text", "facets", "step"),
+    ("sizes", "expected"),
     [
-        ("geometry: {section: square}", Geometry.facets, 0.002),
-        ("fixture: free", FREE_FACETS, 0.002),
-        ("contact: {time_step: 0.004}", Geometry.facets, 0.004),
-        ("geometry: {hole_radius: 0.010025}", 48, 0.001),
+        # Small and shallow: stock of the nominal size; only what is proportional to the radius shrinks.
+        # The guide's damping about the tip is added: 2 * 0.72 + 600 * 0.0045^2 over 2 * 2.4 + 600 * 0.028^2.
+        (
+            (0.003, 0.005, 0.5),
+            {
+                "stepper.holding_torque": 0.15,
+                "stepper.damping": 0.225,
+                "coupling.angular_stiffness": 90.0,
+                "coupling.angular_damping": 0.72,
+                "coupling.torque_scale": 0.02 / 0.3,
+                "coupling.peg_inertia": 2e-2 * 1.45215 / 5.2704,
+                "operator.insertion_speed": 0.02 * 0.3**2 * 5.2704 / 1.45215,
+            },
+        ),
+        # As deep as nominal, three times as wide: the wall of 19.95 mm stays.
+        (
+            (0.03, 0.005, 2.5 / 3),
+            {
+                "geometry.block_radius": 0.03 + 0.0201,
+                "start.height": 0.009,
+                "recorder.time_limit": 8.0 * 34 / 28,
+                "trial.time_limit": 10.0 * 34 / 28,
+                "stepper.holding_torque": 1.5,
+                "stepper.damping": 2.25,
+                "coupling.angular_stiffness": 900.0,
+                "coupling.angular_damping": 7.2,
+                "coupling.torque_scale": 0.02 / 3.0,
+                "coupling.peg_inertia": 2e-2 * 14.8704 / 5.2704,
+                # 1.332 kg of steel where 0.148 kg were: 11.6 N more at 25.1 N/A; the rotor adds 1.579 kg.
+                "feed.current_limit": 1.0 + 11.613 / 25.101,
+                "feed.speed_kp": 0.05 * 2.911 / 1.727,
+                "feed.speed_ki": 2.0 * 2.911 / 1.727,
+                # A peg with 300 um of play over 25 mm may be tilted by 12 mrad: 0.36 mm, and 0.1 mm.
+                "trial.full_depth_margin": 0.46e-3,
+            },
+        ),
+        # Twice as deep: 2 * 2.4 + 600 * 0.053^2 over 2 * 2.4 + 600 * 0.028^2.
+        (
+            (0.01, 0.005, 5.0),
+            {
+                "geometry.peg_length": 0.085,
+                "sensor.height": 0.105,
+                "recorder.time_limit": 8.0 * 53 / 28,
+                "trial.time_limit": 10.0 * 53 / 28,
+                "coupling.peg_inertia": 2e-2 * 6.4854 / 5.2704,
+                "feed.current_limit": 1.0 + 0.605 / 25.101,  # 62 g more
+                "feed.speed_kp": 0.05 * 1.789 / 1.727,
+                "feed.speed_ki": 2.0 * 1.789 / 1.727,
+                "operator.insertion_speed": 0.02 * 5.2704 / 6.4854,
+            },
+        ),
+        # So loose that not the play, but the tilt of the start bounds how the peg rests: 10 mm * sin(sqrt(2) * 4 deg).
+        ((0.01, 0.2, 2.5), {"geometry.block_radius": 0.03195, "trial.full_depth_margin": 1.0857e-3}),
     ],
 )
-def test_a_file_takes_the_defaults_for_what_neither_it_nor_its_clearance_states(tmp_path, text, facets, step):
+def test_sizes_that_a_file_does_not_state_follow_by_hand(sizes, expected):
+    found, nominal = ({path: v for path, v, _ in leaves(s)} for s in (own_peg(*sizes), Scenario()))
+    numerics = {"geometry.facets", "contact.modulus", "contact.time_step"}
+    for path in set(FOLLOWERS) - numerics:
+        assert found[path] == pytest.approx(expected.get(path, nominal[path]), rel=2e-3), path
+    stated = {"geometry.peg_radius", "geometry.hole_radius", "geometry.hole_depth"}
+    assert {path for path in found if found[path] != nominal[path]} <= {*expected, *numerics, *stated}
+
+
+@given(
+    radius=st.floats(0.003, 0.03),
+    ratio=st.floats(math.log(0.002), math.log(0.2)).map(math.exp),
+    depth=st.floats(0.5, 5.0),
+    shape=st.sampled_from(["", "section: square, ", "section: hexagon, ", "section: rectangle, "]),
+    engine=st.sampled_from(["drake", "exact"]),
+)
+@example(radius=0.03, ratio=0.2, depth=3.0, shape="section: rectangle, ", engine="exact")
+@example(radius=0.018, ratio=0.002, depth=5.0, shape="", engine="drake")
+@settings(max_examples=40, deadline=None)
+def test_every_geometry_of_the_range_is_a_valid_and_stable_scenario(radius, ratio, depth, shape, engine):
+    assume(radius * depth + 0.009 < 0.1)  # what the haptic device reaches
+    sizes = f"peg_radius: {radius}, hole_radius: {radius * (1.0 + ratio)}, hole_depth: {radius * depth}"
+    scenario = parse_scenario(f"geometry: {{{shape}{sizes}}}", "mine", engine=engine)
+    assert following(scenario) == scenario
+    assert all(margin.factor > 1.2 for margin in require_margins(scenario) if margin.required)
+    # What runs is stored with every key, and read again as it was.
+    assert parse_scenario(dump_scenario(scenario), "record") == scenario
+
+
+def test_what_a_file_states_stays():
+    stated = "sensor: {height: 0.3}\nstart: {height: 0.004, tilt_range: 0.01}\nstepper: {holding_torque: 0.5}"
+    scenario = own_peg(0.03, 0.002, 2.5, stated)
+    found = (scenario.sensor.height, scenario.start.height, scenario.start.tilt_range, scenario.stepper.holding_torque)
+    assert found == (0.3, 0.004, 0.01, 0.5)
+    assert "height" not in followed(scenario)
+    assert "start.demonstrated_tilt_range 0.0442" in followed(scenario)
+
+
+def test_what_follows_is_said_in_one_line():
+    line = followed(own_peg(0.004, 0.01, 2.5))
+    assert line.startswith("contact.modulus 6.08e+11, contact.time_step 0.00154, stepper.holding_torque 0.2, ")
+    assert "\n" not in line
+
+
+@pytest.mark.parametrize(("radius", "ratio", "depth"), [(0.03, 0.002, 5.0), (0.025, 0.2, 3.9)])
+def test_a_hole_deeper_than_the_device_reaches_is_refused_with_a_remedy_that_works(radius, ratio, depth):
+    with pytest.raises(ValueError, match=r"mine: geometry\.hole_depth is .* moves from .* mm above .*start\.depth"):
+        own_peg(radius, ratio, depth)
+    own_peg(radius, ratio, depth, "start: {depth: 0.06}")
+
+
+@pytest.mark.parametrize(
+    ("text", "engine", "facets", "step", "modulus"),
+    [
+        ("geometry: {section: square}", "exact", Geometry.facets, 0.002, 1e11),
+        ("fixture: free", "exact", FREE_FACETS, 0.002, 1e11),
+        ("contact: {time_step: 0.004}", "exact", Geometry.facets, 0.004, 1e11),
+        ("geometry: {hole_radius: 0.010025}", "drake", 48, 0.001, 1.1e12),
+    ],
+)
+def test_a_file_takes_the_defaults_for_what_neither_it_nor_its_geometry_states(
+    tmp_path, text, engine, facets, step, modulus
+):
     path = tmp_path / "mine.yaml"
     path.write_text(text)
-    found = load_scenario_of_clearance(path, "exact", defaults=load_scenario("device"))
-    assert found.recorder.time_limit == load_scenario("device").recorder.time_limit != Scenario().recorder.time_limit
-    assert (found.geometry.facets, found.contact.time_step, found.contact.engine) == (facets, step, "exact")
-    assert load_scenario("device").contact.engine == "drake"  # the defaults are not changed
+    device = load_scenario("device")
+    found = load_scenario(path, engine, defaults=device)
+    assert found.recorder.time_limit == device.recorder.time_limit != Scenario().recorder.time_limit
+    assert (found.geometry.facets, found.contact.time_step, found.contact.modulus) == (facets, step, modulus)
+    assert device == load_scenario("device")  # the defaults are not changed
+
+
+def test_the_sizes_of_the_defaults_are_no_others():
+    mine = own_peg(0.003, 0.002, 5.0, "start: {tilt_range: 0.001}")
+    live = load_scenario("live", defaults=mine)
+    assert (live.geometry, live.start, live.stepper) == (mine.geometry, mine.start, mine.stepper)
+    assert live.contact.time_step == 0.004  # the file states it

@@ -10,14 +10,13 @@ from hypothesis import strategies as st
 
 from models.hardware import DEVICE_PRESETS
 from models.meshes import minimum_clearance, minimum_facets
+from models.operator import HABITS, OperatorParameters
 from models.scenario import (
     DEMONSTRATION_STREAM,
     FIXTURES,
     FREE_FACETS,
-    HABITS,
     SCENARIO_FOLDER,
     TRIAL_STREAM,
-    OperatorParameters,
     Scenario,
     dump_scenario,
     load_scenario,

@@ -1,4 +1,4 @@
-from models.clearance import load_scenario_of_clearance
+from models.scenario import load_scenario
 from tests.models.cad.bodies import block, circle, peg, save
 from tests.models.cad.test_part import PARTS
 from tests.scripts.commands import error_line, invoke
@@ -9,7 +9,7 @@ def test_a_pair_of_step_files_becomes_a_scenario_and_a_picture(tmp_path):
     result = invoke("part", PARTS / "d_shaft.step", PARTS / "d_shaft_hole.step", "--out", out)
     assert result.exit_code == 0, result.output
     assert "clearance from 0.50 to 20.00 mm below the mouth: 40.00 to 40.00 um" in result.stdout
-    assert load_scenario_of_clearance(out).geometry.peg_radius == 0.0055
+    assert load_scenario(out).geometry.peg_radius == 0.0055
     assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     again = invoke("part", PARTS / "d_shaft.step", PARTS / "d_shaft_hole.step", "--out", out)
     assert again.exit_code == 0, again.output

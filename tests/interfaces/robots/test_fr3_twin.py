@@ -22,12 +22,12 @@ from interfaces.robots.franky_arm import FrankyArm
 from interfaces.robots.insertion import FORCE_LIMIT, ArmSession
 from interfaces.robots.open_arm import open_arm
 from interfaces.sensors.net_ft import NetFt
+from models.hardware import GRAVITY
 from models.scenario import load_scenario
 from scripts.command_line import SHIPPED
 from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
 from systems.arm.tip_servo import tip_at, tip_pose
-from systems.plant.held_peg import GRAVITY
 from systems.steps.tip import HEIGHT, X
 
 pytestmark = pytest.mark.slow

@@ -10,8 +10,8 @@ import yaml
 from models.cad.pair import ANGLES, fit
 from models.cad.part_file import part_text, remarks, scenario_of
 from models.cad.solid import read_solid
-from models.clearance import load_scenario_of_clearance
 from models.contact_geometry import PegInHole
+from models.scenario import load_scenario
 from models.section import section_of
 from tests.models.cad.bodies import block, circle, lofted, peg, save
 
@@ -114,7 +114,7 @@ def test_two_round_steps_that_both_guide_the_peg_become_mates(tmp_path, chamfer)
     assert any(line.startswith("steps: 4.0000, 5.0000 mm") for line in remarks(found))
     path = tmp_path / "part.yaml"
     path.write_text(part_text(found))
-    assert load_scenario_of_clearance(str(path)).geometry.mates == scenario.geometry.mates
+    assert load_scenario(str(path)).geometry.mates == scenario.geometry.mates
 
 
 def test_a_chamfered_tip_and_a_steep_lead_in_are_said_to_be_left_out(tmp_path):
@@ -161,7 +161,7 @@ def test_the_file_reads_back_as_the_scenario(tmp_path):
     path = tmp_path / "part.yaml"
     path.write_text(part_text(found))
     assert set(yaml.safe_load(path.read_text())) == {"geometry"}
-    own, again = scenario_of(found), load_scenario_of_clearance(path)
+    own, again = scenario_of(found), load_scenario(path)
     for name in ("peg_radius", "hole_radius", "hole_depth", "chamfer", "corners"):
         assert getattr(again.geometry, name) == getattr(own.geometry, name)
     assert again.contact.modulus != own.contact.modulus  # by the rule of the clearance

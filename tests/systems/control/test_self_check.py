@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 
-from models.hardware import DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
+from models.hardware import GRAVITY, DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
 from models.scenario import Scenario
 from skill.data.axes import AXES
 from systems.control.self_check import SelfCheck
 from systems.steps.faults import Fault
-from systems.steps.self_check import GRAVITY, PERIOD_STEPS, CheckLimits, MovingParts, axial_force
+from systems.steps.self_check import PERIOD_STEPS, CheckLimits, MovingParts, axial_force
 from tests.stepping import fixed_context
 
 SENSOR, MOTOR, STEPPER = WrenchSensorParameters(), DcMotorParameters(), StepperMotorParameters()

@@ -8,8 +8,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from experiments.trial import run_rig, trial_scenario
+from models.hardware import STEEL
 from skill.data.rig_run import ContactPlace
-from systems.plant.contact_plant import ALUMINIUM, STEEL, AddRigPlant, NominalBodies
+from systems.plant.contact_plant import ALUMINIUM, AddRigPlant, NominalBodies
 from systems.rig import AddEngine, MakeRig
 from tests.diagrams import unconnected_inputs
 from tests.systems.plant.engine_bench import Bench, G, hanging_weight
