@@ -430,6 +430,7 @@ ELSEWHERE: dict[str, dict[str, str]] = {
         "## Heavy tails": "python -m benchmarks.learners.clustering",
     },
     "docs/exports.md": {"### An imitation policy of LeRobot on the rig": "sweep"},
+    "docs/first_hour.md": {"## How this page is tried": "python -m docs._tools.first_hour"},
     "docs/gymnasium.md": {
         "## Reinforcement learning beside the skill": "python -m benchmarks.rig.reinforcement --skill"
     },

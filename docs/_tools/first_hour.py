@@ -26,7 +26,7 @@ from docs._tools.moving_picture import PICTURES, ROOT, reduced, write
 from tests.browser import Page
 from tests.interfaces.live.live_session import Session, press, served, text_of, wait_for_text
 from tests.interfaces.live.panel_page import FLAWS
-from tests.interfaces.live.people import insert, push
+from tests.interfaces.live.people import insert_by_feel, push
 
 SCREEN = (1280, 720)
 PAGE = ROOT / "docs" / "first_hour.md"
@@ -79,8 +79,8 @@ def record(session: Session, pictures: Path, number: int) -> None:
             film = Film(page)
             look(page)
             if k % BAD:
-                insert(page, film.take if k == 1 else lambda: None)
-                wait_for_text(page, "status", "inserted: G keep as good")
+                insert_by_feel(page, film.take if k == 1 else lambda: None)
+                wait_for_text(page, "status", "inserted.*: G keep as good")
             else:
                 push(page, ROUGH)
             film.take()
@@ -107,8 +107,8 @@ def correct(session: Session, pictures: Path) -> None:
             if "show me" not in asked:
                 break
             look(page)
-            insert(page, film.take)
-            wait_for_text(page, "status", "inserted: G keep as good")
+            insert_by_feel(page, film.take)
+            wait_for_text(page, "status", "inserted.*: G keep as good")
             press(page, "g")
             page.wait(f"document.getElementById('status').textContent !== {asked!r}")
             wait_for_text(page, "status", "show me: [0-9]|learns|rig [0-9]", timeout=ASKED)

@@ -9,6 +9,8 @@ from tests.interfaces.live.live_session import text_of, wait_for_text
 
 UPRIGHT = 0.2  # tilt that the person leaves, degrees
 STEP = 0.1  # of a press of an arrow, degrees
+TOUCH, GENTLE, ROUGH = 1.0, 6.0, 15.0  # contact load that is a touch, that is held, and that is too much, N
+FASTEST = 3  # presses of an arrow in a tenth of a second
 DEADLINE = 40.0  # in units of s, for a demonstration
 
 
@@ -45,6 +47,39 @@ def insert(page, watch=lambda: None):
         if max(abs(right), abs(away)) < UPRIGHT:
             right = away = 0.0
             tap(page, "w" * 6)
+
+
+BY_FEEL = """  // a person at the keys, ten times a second
+  const [touch, gentle, rough, step, most] = arguments, of = id => document.getElementById(id);
+  let touched = false;
+  const person = setInterval(() => {
+    if (!of("status").textContent.includes("recording")) return clearInterval(person);
+    const load = parseFloat(of("contact-load").textContent), tilt = of("tilt");
+    touched ||= load > touch;
+    if (load < gentle) livePanel.press("KeyW");
+    if (load > rough) livePanel.press("KeyS");
+    const right = tilt.getAttribute("x2") / 10, away = -tilt.getAttribute("y2") / 10;
+    for (const [angle, less, more] of [[right, "ArrowRight", "ArrowLeft"], [away, "ArrowUp", "ArrowDown"]])
+      for (let k = Math.min(most, Math.round(Math.abs(angle) / step)); touched && k > 0; k -= 1)
+        livePanel.press(angle < 0 ? less : more);
+  }, 100);
+"""
+
+
+def insert_by_feel(page, watch=lambda: None):
+    """Starts a demonstration, feeds the tilted peg until it touches, levels it there, and feeds it to the floor.
+
+    The person pushes gently all the time, so that the wrench shows how the peg is tilted. The page's own script presses
+    the keys: a driver from outside is slower than a hand. It calls `watch` all the time.
+    """
+    tap(page, " ")
+    wait_for_text(page, "status", "recording")
+    page.run(BY_FEEL, TOUCH, GENTLE, ROUGH, STEP, FASTEST)
+    end = time.monotonic() + DEADLINE
+    while "recording" in text_of(page, "status"):
+        assert time.monotonic() < end, text_of(page, "status")
+        watch()
+        time.sleep(0.1)
 
 
 def push(page, load, watch=lambda: None):
