@@ -195,7 +195,8 @@ def main(
             row = {"number": measured[done_now], **done_now.result()}
             pd.DataFrame([row]).reindex(columns=COLUMNS).to_csv(out, mode="a", header=not out.exists(), index=False)
             advance(f"r {1e3 * row['radius']:.2f} mm, C/r {row['ratio']:.4f}")
-    say(summary(pd.read_csv(out), trials))
+    for line in summary(pd.read_csv(out), trials).splitlines():
+        say(line)
 
 
 COLUMNS = [

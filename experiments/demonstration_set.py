@@ -83,10 +83,10 @@ def demonstrate(scenario: Scenario, request: Request, *, seed: int) -> Demonstra
         found = _attempt(scenario, request, habit, seed, outcomes)
         if found is not None:
             return found
-    kind = "good" if request.good else "bad"
+    kind, remedy = ("good", "") if request.good else ("bad", ", or ask for no bad ones (--bad 0)")
     raise ValueError(
         f"demonstration {request.number}: habit '{request.habit}' gave no {kind} example in {len(outcomes)}"
-        f" attempts (outcomes: {sorted(set(outcomes))}); change the operator or the start in the scenario"
+        f" attempts (outcomes: {sorted(set(outcomes))}); change the operator or the start in the scenario{remedy}"
     )
 
 

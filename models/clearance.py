@@ -308,7 +308,7 @@ def doubts(scenario: Scenario) -> list[str]:
     if swing > SWING * g.clearance:
         found.append(
             f"levelling moves its tip by up to {1e3 * swing:.2g} mm, {swing / g.clearance:.0f} clearances; where it was"
-            f" more than {SWING}, skills missed up to two of ten trials"
+            f" more than {SWING}, skills missed up to five of ten trials"
         )
     offset = scenario.rig.demonstrated_pivot_range * math.sin(largest_start_tilt(scenario))
     if g.chamfer + g.clearance < offset:

@@ -21,6 +21,9 @@ arms, clocking, curves, engines, force_use, all_fresh, ladder, learning, scorebo
     published, NAMES
 )
 protocol = pd.read_csv(ROOT / "docs" / "protocol.csv")
+own_pegs = pd.read_csv(ROOT / "docs" / "own_pegs.csv")
+pegs = own_pegs.dropna(subset="inserted").astype({"inserted": int})
+lacking, all_ten = pegs[pegs.inserted < 9], pegs[pegs.inserted == 10]
 
 fresh = all_fresh.query("factor == ''")
 alone, corrected = fresh.query("policy == 'skill'"), fresh.query("policy == 'skill with corrections'")
@@ -414,6 +417,15 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
          [word((per_skill == 20).sum()).capitalize(), *sorted(per_skill)[:2]]),
         ("All {} failures give up {:.0f} to {:.0f} mm deep",
          [word((~protocol.inserted).sum()), *protocol[~protocol.inserted].true_depth_mm.agg(["min", "max"])]),
+    ],
+    "docs/usage.md": [
+        ("has {} pegs drawn", len(own_pegs)),
+        ("In the other {} the laws of theory hold", int(pegs.laws.astype(bool).sum())),
+        ("insert {} of {} trials: all ten with {} of them, nine with {}, fewer with {}",
+         [pegs.inserted.sum(), 10 * len(pegs), len(all_ten), (pegs.inserted == 9).sum(), len(lacking)]),
+        ("came with {} of these {}, and with {} of the {}",
+         [lacking.warned.count(), len(lacking), all_ten.warned.count(), len(all_ten)]),
+        ("up to {} corrections", int(pegs.corrected.max())),
     ],
 }
 # fmt: on
