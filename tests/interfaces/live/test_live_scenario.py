@@ -4,8 +4,9 @@ import pytest
 from experiments.corrections import LIFT
 from experiments.demonstration_set import attempt_seed
 from interfaces.live.session import asked_scenario, live_scenario
-from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
+from models.scenario import DEMONSTRATION_STREAM, Scenario, load_scenario, parse_scenario, resolve_scenario
 from skill.practice.query_state import QueryState
+from systems.servo.multirate_margins import require_multirate_margins
 
 
 def live_starts(seeds, numbers):
@@ -65,3 +66,14 @@ def test_asked_query_states_are_the_starts_in_turn():
         assert resolved.start.tilt == list(wanted.tilt)
         assert (resolved.rig.pivot_height, resolved.contact.friction) == (wanted.pivot_height, wanted.friction)
     assert starts[0].seed != starts[3].seed  # the same query state, other noise
+
+
+@pytest.mark.parametrize("engine", ["drake", "exact"])
+@pytest.mark.parametrize("sizes", [(0.003, 0.002, 5.0), (0.003, 0.2, 0.5), (0.03, 0.002, 0.5), (0.03, 0.2, 3.0)])
+def test_a_person_can_demonstrate_with_a_peg_of_any_size(sizes, engine):
+    radius, ratio, depth = sizes
+    text = f"peg_radius: {radius}, hole_radius: {radius * (1.0 + ratio):.9g}, hole_depth: {radius * depth:.9g}"
+    device = load_scenario("device")
+    scenario = parse_scenario(f"geometry: {{{text}}}", "mine", engine=engine, defaults=device)
+    assert scenario.recorder.time_limit >= device.recorder.time_limit
+    assert all(margin.value < margin.limit for margin in require_multirate_margins(scenario) if margin.required)
