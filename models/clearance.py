@@ -145,7 +145,7 @@ def following(scenario: Scenario, base: Scenario = NOMINAL) -> Scenario:
         chosen.contact.time_step = base.contact.time_step
     if relative_entry_tilt(scenario) != relative_entry_tilt(base):
         chosen = start_of_clearance(chosen)
-    deeper, size = max(0.0, g.hole_depth - own.hole_depth), g.peg_radius / own.peg_radius
+    deeper, size = max(0.0, g.hole_depth - own.hole_depth), _radius(g) / _radius(own)
     chosen.geometry.peg_length += deeper
     chosen.sensor.height += deeper
     chosen.geometry.block_radius += (1.0 if g.is_round else CORNER) * max(0.0, g.hole_radius - own.hole_radius)
@@ -170,6 +170,11 @@ def following(scenario: Scenario, base: Scenario = NOMINAL) -> Scenario:
     return chosen
 
 
+def _radius(g: Geometry) -> float:
+    """Returns the radius that loads act on, m: of mates, whose circles may be off the axis, the reach."""
+    return g.reach if g.mates else g.peg_radius
+
+
 def _peg_mass(g: Geometry) -> float:
     """Returns the mass of a round peg of steel, kg."""
     return STEEL * math.pi * g.peg_radius**2 * g.peg_length
@@ -188,7 +193,7 @@ def seating_error(scenario: Scenario) -> float:
     """
     g = scenario.geometry
     play = two_point_tilt(g.hole_depth, peg_radius=g.peg_radius, hole_radius=g.hole_radius)
-    return g.peg_radius * math.sin(min(play, largest_start_tilt(scenario)))
+    return _radius(g) * math.sin(min(play, largest_start_tilt(scenario)))
 
 
 def largest_start_tilt(scenario: Scenario) -> float:

@@ -30,7 +30,11 @@ from systems.operators.person_frame import R_HV
 from tests.browser import blankness
 from tests.interfaces.live.live_session import QUICK, drag, live, press, row, text_of, wait_for_text
 
-JAMS = {**QUICK, "geometry": {**QUICK["geometry"], "hole_depth": 0.01}, "start": {"height": 5e-4, "tilt": [0.055, 0.0]}}
+JAMS = {
+    **QUICK,
+    "geometry": {**QUICK["geometry"], "hole_radius": 0.01005, "hole_depth": 0.01},
+    "start": {"height": 5e-4, "tilt": [0.055, 0.0]},
+}
 
 
 @pytest.fixture
@@ -148,7 +152,7 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         assert row(page, "start (Space)").is_displayed()
         for name in ("depth mm", "tilt right", "keep as good (G)", "quit (Q)"):
             assert page.run("return document.body.innerText").count(name) == 1  # each action stands once
-        assert text_of(page, "depth") == "-0.50 of 3.7 mm"
+        assert text_of(page, "depth") == "-0.50 of 2.9 mm"
         pictures = [ready]
         for key in "231":
             press(page, key)
@@ -163,7 +167,7 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         wait_for_text(page, "depth", "^0.[1-9]")  # 0.5 mm a press, from half a millimetre above
         drag(page, "depth", 0.1)  # to 20 mm
         session.wait_for("inserted: G keep as good")
-        wait_for_text(page, "depth", "^(3.[7-9]|4.0)")  # the floor is at 4 mm
+        wait_for_text(page, "depth", "^(2.9|3|4.0)")  # the floor is at 4 mm
         late_steps, steps, late_ticks, ticks = map(int, re.findall(r"\d+", text_of(page, "deadlines")))
         assert 0 <= late_steps <= steps
         assert 0 <= late_ticks <= ticks
@@ -203,7 +207,7 @@ def test_a_person_begins_in_the_pose_that_a_skill_asked_to_be_shown(tmp_path):
     write_json(tmp_path / "asked.json", [asked | {"clocking": 0.0, "pivot_height": -0.001, "friction": 0.2}])
     with live(tmp_path, options=("--asked", str(tmp_path / "asked.json"))) as session, session.page() as page:
         wait_for_text(page, "status", "ready: press Space")
-        assert text_of(page, "depth") == "1.50 of 3.7 mm"  # 0.3 mm above
+        assert text_of(page, "depth") == "1.50 of 2.9 mm"  # 0.3 mm above
         press(page, " ")
         session.wait_for("recording:")
         time.sleep(0.5)

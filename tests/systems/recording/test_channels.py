@@ -14,10 +14,10 @@ CONSTANT = {"free": set(), "rig": set(), "axial": {"ax", "ay", "az"}}
 
 
 def short_scenario(name, seed):
-    """Returns a resolved scenario of 0.6 s that starts at the mouth, so that there is contact."""
+    """Returns a resolved scenario of 1 s that starts at the mouth, so that there is contact."""
     scenario = load_scenario(name)
     scenario.start.height = 1e-4
-    scenario.recorder.time_limit = 0.6
+    scenario.recorder.time_limit = 1.0
     if scenario.start.tilt is None:
         scenario.start.demonstrated_tilt_range = 0.05
     return resolve_scenario(scenario, seed=seed, stream=DEMONSTRATION_STREAM)
