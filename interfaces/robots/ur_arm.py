@@ -89,9 +89,16 @@ class UrArm:
             ) from error
         try:
             self._require(self._control.setTcp([0.0] * 6), "set its tool centre point")
+            self._wait_for_program()
         except ConnectionError:
             self.close()
             raise
+
+    def _wait_for_program(self) -> None:
+        """Waits for the records of the running program: the package held the interpreter since it was started."""
+        begun = time.monotonic()
+        while self.state().fault and time.monotonic() - begun < PATIENCE:
+            time.sleep(self.period)
 
     def state(self) -> ArmState:
         """See `RobotArm`; the wrench is that of the sensor in the wrist, without the weight of the tool."""
