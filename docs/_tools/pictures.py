@@ -90,6 +90,7 @@ VARIED = ("friction", "noise", "rig.pivot_range", "rig.mount_stiffness")
 THEORY = f"{PYTHON} -m benchmarks.physics.theory --friction 0.1 --friction 0.2 --friction 0.3 --pictures docs/pictures"
 DIAGRAMS = f"{PYTHON} -m haptic_skill diagram --out docs/pictures"
 LIVE = f"{PYTHON} docs/_tools/live_picture.py --observer out/skill.npz"
+FIRST_HOUR = f"{PYTHON} -m docs._tools.first_hour out/first_hour"
 LEARNT = (
     f"{PYTHON} -m benchmarks.rig.reinforcement --skill skill/default_skill.npz --steps 50000 --every 10000 --trials 10"
 )
@@ -108,7 +109,9 @@ COMMANDS: dict[str, Callable[[], str]] = {
     **dict.fromkeys(("two_point_depth.svg", "jamming.svg", "wedging.svg", "force_balance.svg"), lambda: THEORY),
     **dict.fromkeys(("virtual_environment.svg", "rig.svg"), lambda: DIAGRAMS),
     **dict.fromkeys(("live.webp", "live.png", "live_skill.png"), lambda: LIVE),
-    "reinforcement.svg": lambda: f"{LEARNT} --trials 10 --figure docs/pictures/reinforcement.svg",
+    **dict.fromkeys((f"first_hour_{part}.webp" for part in ("show", "ask", "rig")), lambda: FIRST_HOUR),
+    "gymnasium.png": lambda: f"{PYTHON} -m docs._tools.rendered_picture",
+    "reinforcement.svg": lambda: f"{LEARNT} --figure docs/pictures/reinforcement.svg",
 }
 """Pictures by name, and what tells their commands."""
 

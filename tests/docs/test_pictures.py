@@ -1,0 +1,11 @@
+"""Every picture of the documentation has a command, and is shown."""
+
+from docs._tools.moving_picture import PICTURES, ROOT
+from docs._tools.pictures import COMMANDS
+
+
+def test_every_picture_has_a_command_and_is_shown():
+    names = {path.name for path in PICTURES.iterdir()}
+    assert names == set(COMMANDS)
+    pages = "".join(path.read_text() for path in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")))
+    assert [name for name in sorted(names) if f"pictures/{name}" not in pages] == []
