@@ -6,6 +6,7 @@ any demonstration or rig trial can be repeated from its own record.
 
 import math
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -126,9 +127,8 @@ def parse_scenario(text: str, where: str, *, engine: str | None = None, defaults
         document.setdefault("contact", {})["engine"] = engine
     base = Scenario() if defaults is None else defaults
     known = _loaded(document, base, where)
-    raise_first(number_violations(known), where)
-    resolved = known.geometry.clearance >= minimum_clearance(known.geometry.hole_radius)
-    scenario = _loaded(document, following(known, base) if resolved else known, where)
+    raise_first(chain(number_violations(known), _shape_violations(known.geometry)), where)
+    scenario = _loaded(document, following(known, base), where)
     validate_scenario(scenario, where)
     return scenario
 
@@ -167,8 +167,8 @@ def _violations(scenario: Scenario) -> Iterator[Violation]:
     yield from _sensor_violations(scenario)
 
 
-def _geometry_violations(g: Geometry) -> Iterator[Violation]:
-    """Checks that the sizes describe a peg that fits into a closed bore."""
+def _shape_violations(g: Geometry) -> Iterator[Violation]:
+    """Checks that peg and bore are shapes, and that the bore is the wider one."""
     name, found = "geometry clearance (hole_radius - peg_radius)", f"{1e3 * g.clearance:.4g} mm"
     if g.clearance <= 0:
         yield Violation(name, found, "> 0: the hole must be wider than the peg")
@@ -178,15 +178,19 @@ def _geometry_violations(g: Geometry) -> Iterator[Violation]:
     if not 0 <= g.chamfer < g.hole_depth:
         yield Violation("geometry.chamfer", f"{g.chamfer} m", "at least 0 and below hole_depth")
     try:
-        mouth_reach = g.assembly.mouth_reach
+        _ = g.assembly.mouth_reach
     except (TypeError, ValueError) as error:
         field = "mates" if g.mates else "corners" if g.corners else "section"
         yield Violation(f"geometry.{field}", getattr(g, field), f"another shape: {error}")
-        return
+
+
+def _geometry_violations(g: Geometry) -> Iterator[Violation]:
+    """Checks that the peg fits into a closed bore."""
+    yield from _shape_violations(g)
     if g.peg_length <= g.hole_depth:
         yield Violation("geometry.peg_length", f"{g.peg_length} m", f"> hole_depth {g.hole_depth}")
-    if g.block_radius <= mouth_reach:
-        expected = f"> {mouth_reach:.6g} m, the outer radius of the mouth"
+    if g.block_radius <= g.assembly.mouth_reach:
+        expected = f"> {g.assembly.mouth_reach:.6g} m, the outer radius of the mouth"
         yield Violation("geometry.block_radius", f"{g.block_radius} m", expected)
 
 
