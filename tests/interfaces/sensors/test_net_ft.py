@@ -50,7 +50,8 @@ def test_every_disturbed_record_is_counted(pair, order, expected):
     server.order = lambda records: records
     sent = server.sent
     assert until(lambda: stream.counts().received >= sent)
-    found = {name: n for name, n in vars(stream.counts()).items() if n and name != "received"}
+    left_out = ("received", "silences")  # on a busy machine the sender pauses
+    found = {name: n for name, n in vars(stream.counts()).items() if n and name not in left_out}
     ((name, each),) = expected.items()
     assert list(found) == [name]
     assert found[name] == pytest.approx(sent / 10 * each, abs=12)
