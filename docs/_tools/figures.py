@@ -14,12 +14,23 @@ import pandas as pd
 from docs._tools.published_rows import ROOT, above_limit, against, both, inserted, published, summary, word
 
 NAMES = (
-    *("arms", "clocking", "curves", "engines", "force_use"),
+    *("arms", "clocking", "curves", "engines", "force_use", "force_use_networks"),
     *("fresh", "ladder", "learning", "scoreboard", "sections", "sets"),
 )
-arms, clocking, curves, engines, force_use, all_fresh, ladder, learning, scoreboard, sections, sets = map(
-    published, NAMES
-)
+(
+    arms,
+    clocking,
+    curves,
+    engines,
+    force_use,
+    force_use_networks,
+    all_fresh,
+    ladder,
+    learning,
+    scoreboard,
+    sections,
+    sets,
+) = map(published, NAMES)
 protocol = pd.read_csv(ROOT / "docs" / "protocol.csv")
 own_pegs = pd.read_csv(ROOT / "docs" / "own_pegs.csv")
 pegs = own_pegs.dropna(subset="inserted").astype({"inserted": int})
@@ -151,7 +162,8 @@ planned_table["load"] = planned.groupby("policy").peak_measured_load_n.max()
 planned_table["trusted"] = planned.groupby("policy").trusted.sum()
 planned_table["share"] = planned_table.inserted / 2
 given = ["true", "scaled:0.5", "shuffled", "frozen", "zero"]
-gentle = force_use.assign(gentle=force_use.inserted & (force_use.peak_load_n < 20)).groupby(["policy", "value"])
+all_given = pd.concat([force_use, force_use_networks])
+gentle = all_given.assign(gentle=all_given.inserted & (all_given.peak_load_n < 20)).groupby(["policy", "value"])
 by_wrench = (
     gentle[["inserted", "gentle"]]
     .sum()
@@ -272,6 +284,8 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
          by_wrench),
         ("the skill in {} of 20;",
          20 - by_wrench.loc["skill", ("zero", "inserted")]),
+        ("blind, they still insert {} of {} and {} of {}.",
+         [by_wrench.loc[policy, (wrench, "inserted")] for policy in ("SAC", "ACT") for wrench in ("zero", "true")]),
         ("touch is enough for {} insertions; an earlier one, drawn anew each time, for {}, but with a load of {:.0f} N in place of {:.0f} N (medians).",
          [*by_wrench.loc["skill", [("frozen", "inserted"), ("shuffled", "inserted")]], *wrench_loads[["shuffled", "true"]]]),
         ("| {} | {} | {} | {:.2f} | {:.2f} |",
