@@ -54,7 +54,7 @@ from experiments.corrections import CorrectionPlan, StuckTrial, correct, demonst
 from experiments.demonstration_set import demonstrate_all, requests
 from experiments.trial import run_trials
 from interfaces.terminal import progress, say
-from models.clearance import doubts
+from models.clearance import TRIED, doubts
 from models.contact_geometry import PegInHole
 from models.contact_theory import (
     exact_wedging_tilt,
@@ -69,7 +69,7 @@ from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
 from skill.practice.query_state import QueryState
 
-LEAST, MOST = np.log([0.003, 0.002, 0.5]), np.log([0.030, 0.2, 5.0])
+LEAST, MOST = np.log(list(TRIED.values())).T
 """Logarithms of radius (m), C/r and depth/r."""
 
 FRICTION, LOADS = 0.2, 20

@@ -189,8 +189,9 @@ def _geometry_violations(g: Geometry) -> Iterator[Violation]:
     yield from _shape_violations(g)
     if g.peg_length <= g.hole_depth:
         yield Violation("geometry.peg_length", f"{g.peg_length} m", f"> hole_depth {g.hole_depth}")
-    if g.block_radius <= g.assembly.mouth_reach:
-        expected = f"> {g.assembly.mouth_reach:.6g} m, the outer radius of the mouth"
+    mouth_reach = g.assembly.mouth_reach
+    if g.block_radius <= mouth_reach:
+        expected = f"> {mouth_reach:.6g} m, the outer radius of the mouth"
         yield Violation("geometry.block_radius", f"{g.block_radius} m", expected)
 
 

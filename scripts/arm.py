@@ -99,7 +99,7 @@ def main(
     index = SetIndex(RUNS, request, files, reports=(REPORT, *map(REPLAY.format, numbers)))
     if not dry_run:
         check_folder(out, size=trials * (RECORDING_SIZE + REPORT_SIZE))
-    copy = copy_of_results(json, out, skill, index)
+    copy = copy_of_results(json, out, skill, index) if json is not None else None
     if not yes:
         typer.confirm(
             f"Move the {chosen.carrier} at {address}? Is its way free, and the emergency stop at hand", abort=True

@@ -109,7 +109,7 @@ def main(
     files = (*map(RUN.format, numbers), RESULTS)
     index = SetIndex(RUNS, request, files, reports=(REPORT, *map(REPLAY.format, numbers)))
     check_folder(out, size=trials * (RECORDING_SIZE + REPORT_SIZE))
-    copy = copy_of_results(json, out, skill, index)
+    copy = copy_of_results(json, out, skill, index) if json is not None else None
     with open_set(out, index, overwrite=overwrite) as runs:
         done: dict[int, TrialResult] = {result.seed: result for result in runs.finished.values()}
         if runs.damaged:
@@ -129,11 +129,11 @@ def main(
     show_results(results, out)
 
 
-def copy_of_results(json: Path | None, out: Path, skill: Path, index: SetIndex) -> Path | None:
-    """Returns the checked file of a copy of the results; None where none is wanted, or it is the results themselves."""
+def copy_of_results(json: Path, out: Path, skill: Path, index: SetIndex) -> Path | None:
+    """Returns the checked file of a copy of the results; None where it is the results themselves."""
     from experiments.outputs.output_checks import check_file, require_distinct
 
-    if json is None or json.resolve() == (out / RESULTS).resolve():
+    if json.resolve() == (out / RESULTS).resolve():
         return None
     require_distinct({"--skill": skill, **{name: out / name for name in index.names}, "--json": json})
     check_file(json, ".json", option="--json")

@@ -284,7 +284,7 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
          by_wrench),
         ("the skill in {} of 20;",
          20 - by_wrench.loc["skill", ("zero", "inserted")]),
-        ("blind, they still insert {} of {} and {} of {}.",
+        ("blind, they still insert {} of {} and {} of {}, always",
          [by_wrench.loc[policy, (wrench, "inserted")] for policy in ("SAC", "ACT") for wrench in ("zero", "true")]),
         ("touch is enough for {} insertions; an earlier one, drawn anew each time, for {}, but with a load of {:.0f} N in place of {:.0f} N (medians).",
          [*by_wrench.loc["skill", [("frozen", "inserted"), ("shuffled", "inserted")]], *wrench_loads[["shuffled", "true"]]]),

@@ -22,8 +22,6 @@ from systems.plant.exact_contact import STEPS
 from systems.plant.exact_gaps import Bodies
 from systems.plant.exact_peg import advance_peg, product, rotation_of, turn
 
-"""m/s^2, downwards in H."""
-
 
 class Compliance(NamedTuple):
     """Springs and dampers between an anchor and the peg, at the tip, along the axes of the anchor.

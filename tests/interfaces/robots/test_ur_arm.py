@@ -3,11 +3,13 @@
 import sys
 import threading
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
 
 from interfaces.robots.ur_arm import ACCELERATION, GAIN, JOINT_STOP, LOOKAHEAD, PATIENCE, UrArm
+from interfaces.sensors.rtde_wrench import RtdeWrench
 from tests.interfaces.robots.fake_rtde import (
     MOVEJ,
     POWER_ON,
@@ -65,6 +67,19 @@ def test_the_state_is_that_of_the_arm_and_the_tool_centre_point_is_the_flange(co
     assert state.fault == ""
     assert sent(controller, SET_TCP) == [(0.0,) * 6]
     assert "servoj(q, t=dt, lookahead_time=lh_time, gain=g)" in controller.get("script")
+
+
+def test_it_waits_for_the_records_of_its_program(controller, monkeypatch):
+    """The package holds the interpreter while it starts the program: records of before are read after it."""
+    record, old = RtdeWrench.record, list(range(10))
+
+    def late(sensor):
+        found = record(sensor)
+        return found._replace(robot=POWER_ON) if old and old.pop() >= 0 else found
+
+    monkeypatch.setattr(RtdeWrench, "record", late)
+    with closing(UrArm(controller.host)) as arm:
+        assert arm.state().fault == ""
 
 
 def test_it_moves_to_angles_no_faster_than_it_is_told_and_waits_until_it_is_there(controller, arm):

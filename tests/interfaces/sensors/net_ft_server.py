@@ -19,12 +19,13 @@ class DisturbedNetFtServer(NetFtServer):
         unit: of the forces on the page.
         silent_until: when records are sent again, on the monotonic clock, s.
         sent: number of packets so far.
+        longest_pause: between two records, s; the machine may be busy.
     """
 
     def __init__(self):
         super().__init__()
         self.wrench, self.status, self.order = WRENCH, 0, lambda records: records
-        self.unit, self.silent_until, self.sent = "N", -math.inf, 0
+        self.unit, self.silent_until, self.sent, self.longest_pause = "N", -math.inf, 0, 0.0
         self._held, self._ended = [], threading.Event()
         self._clock = threading.Thread(target=self._run, daemon=True)
 
@@ -49,9 +50,10 @@ class DisturbedNetFtServer(NetFtServer):
             self.sent += len(packets)
 
     def _run(self):
-        due = time.monotonic()
+        due = last = time.monotonic()
         while not self._ended.is_set():
             due += 1e-3
             time.sleep(max(0.0, due - time.monotonic()))
             if time.monotonic() > self.silent_until:
                 self.send(self.wrench, self.status)
+                self.longest_pause, last = max(self.longest_pause, time.monotonic() - last), time.monotonic()

@@ -7,7 +7,7 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from interfaces.sensors.net_ft import ERROR, OUT_OF_RANGE, NetFt, parse_calibration
+from interfaces.sensors.net_ft import ERROR, OUT_OF_RANGE, SILENCE, NetFt, parse_calibration
 from interfaces.sensors.net_ft_server import NetFtServer
 from interfaces.sensors.wrench_stream import Arrival, RecordOrder
 from tests.interfaces.sensors.net_ft_server import WRENCH, DisturbedNetFtServer
@@ -50,8 +50,9 @@ def test_every_disturbed_record_is_counted(pair, order, expected):
     server.order = lambda records: records
     sent = server.sent
     assert until(lambda: stream.counts().received >= sent)
-    left_out = ("received", "silences")  # on a busy machine the sender pauses
-    found = {name: n for name, n in vars(stream.counts()).items() if n and name not in left_out}
+    found = {name: n for name, n in vars(stream.counts()).items() if n and name != "received"}
+    if server.longest_pause + 0.02 > SILENCE:  # a busy machine, and a block of records is sent at once
+        found.pop("silences", None)
     ((name, each),) = expected.items()
     assert list(found) == [name]
     assert found[name] == pytest.approx(sent / 10 * each, abs=12)
