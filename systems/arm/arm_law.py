@@ -55,6 +55,7 @@ class ArmLaw:
         self._simulator = Simulator(diagram)
         self.context = self._simulator.get_mutable_context()
         self._steps = 0  # of `PERIOD`; sums of seconds would drift from the times of the updates
+        self._depth = -scenario.start.height
         self._inputs = {name: diagram.GetInputPort(name) for name in ("wrench", "depth", "as_on_rig")}
 
     @property
@@ -63,18 +64,24 @@ class ArmLaw:
         return self._steps * PERIOD
 
     def advance(self, seconds: float, wrench: Array, depth: float, as_on_rig: Array) -> None:
-        """Lets the law act for some seconds on measurements, which stay as they are.
+        """Lets the law act for some seconds on measurements.
+
+        The depth goes evenly from its last value: where a program is held up, the peg moves on, and the monitor would
+        take all of its motion for one jump of the encoder.
 
         Args:
             seconds: a multiple of `PERIOD`.
             wrench: (6,), of the contact on the peg about its tip, in P, N and N m.
-            depth: of the tip, m.
+            depth: of the tip at the end, m.
             as_on_rig: (4,), height of the tip (m) and the angles (rad) of a rig's axes, for the record.
         """
-        for name, value in (("wrench", wrench), ("depth", [depth]), ("as_on_rig", as_on_rig)):
+        for name, value in (("wrench", wrench), ("as_on_rig", as_on_rig)):
             self._inputs[name].FixValue(self.context, value)
-        self._steps += round(seconds / PERIOD)
-        self._simulator.AdvanceTo(self.time)
+        for reached in np.linspace(self._depth, depth, round(seconds / PERIOD) + 1)[1:]:
+            self._inputs["depth"].FixValue(self.context, [reached])
+            self._steps += 1
+            self._simulator.AdvanceTo(self.time)
+        self._depth = depth
 
     def commands(self) -> tuple[Array, float]:
         """Returns the angles (3,) of the hole relative to the start, rad, and the feed speed, m/s."""
