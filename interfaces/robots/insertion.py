@@ -56,8 +56,8 @@ PATIENCE = 1.0
 """Time for which a new state of the arm is waited for, s; without commands the arm stops by itself long before."""
 
 LONGEST_STEP = 0.01
-"""Longest time that one step of the law covers, s; what is longer does not count, since a reading that stays the same for
-so long would pass for that of a stuck sensor."""
+"""Longest time that one step of the law covers, s; what is longer does not count: a reading that stays the same for so
+long would pass for that of a stuck sensor."""
 
 FORCE_LIMIT = 80.0
 """Measured force at which the arm is stopped at once, N: twice the load that the force guard keeps."""
