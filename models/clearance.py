@@ -315,6 +315,12 @@ def doubts(scenario: Scenario) -> list[str]:
             f"levelling moves its tip by up to {1e3 * swing:.2g} mm, {swing / g.clearance:.0f} clearances; where it was"
             f" more than {SWING}, skills missed up to five of ten trials"
         )
+    play = two_point_tilt(g.hole_depth, peg_radius=g.peg_radius, hole_radius=g.hole_radius)
+    if play > largest_start_tilt(scenario):
+        found.append(
+            "so loose a peg reaches the bottom as tilted as it starts; demonstrations show little contact,"
+            " and the skill may not know what to do about one (`correct --practice 100` finds out)"
+        )
     offset = scenario.rig.demonstrated_pivot_range * math.sin(largest_start_tilt(scenario))
     if g.chamfer + g.clearance < offset:
         found.append(

@@ -36,6 +36,15 @@ def test_a_small_tight_peg_swings_over_many_clearances(tmp_path, capsys):
     ]
 
 
+@pytest.mark.parametrize(("depth", "is_loose"), [(0.008, True), (0.011, False)])
+def test_a_peg_that_reaches_the_bottom_tilted_shows_little_contact(depth, is_loose, tmp_path, capsys):
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"geometry: {{peg_radius: 0.005, hole_radius: 0.0055, hole_depth: {depth}}}")
+    read_scenario(str(path))
+    # The two-point tilt at the bottom, about 2 C/depth, is 0.125 or 0.091; the peg starts with up to sqrt(2) * 4 deg.
+    assert ("this peg may not be inserted: so loose a peg reaches the bottom" in capsys.readouterr().out) == is_loose
+
+
 @pytest.mark.parametrize(
     ("sizes", "doubt"),
     [
