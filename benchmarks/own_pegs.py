@@ -5,7 +5,7 @@
 A Latin hypercube over the logarithms of radius (3 to 30 mm), clearance C/r (0.002 to 0.2) and depth (0.5 to 5 radii);
 ``--corners`` takes the eight corners of that range instead. A scenario states these sizes, and the exact engine. A row
 is written as soon as it is measured, and a file that has some is continued. Design, demonstrations and trials are drawn
-from the seed: 1 and 2 chose the rules of `models.clearance`, 3 judges them.
+from the seed: 1 and 2 chose the rules of `models.clearance`, 3 judges them and gave the radius that `record` warns of.
 
 Laws at a friction of 0.2 in the exact engine, each where it applies (otherwise empty):
 

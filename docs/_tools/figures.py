@@ -12,6 +12,7 @@ from typing import Any
 import pandas as pd
 
 from docs._tools.published_rows import ROOT, above_limit, against, both, inserted, published, summary, word
+from models.clearance import SMALL
 
 NAMES = (
     *("arms", "clocking", "curves", "engines", "force_use", "force_use_networks"),
@@ -34,7 +35,7 @@ NAMES = (
 protocol = pd.read_csv(ROOT / "docs" / "protocol.csv")
 own_pegs = pd.read_csv(ROOT / "docs" / "own_pegs.csv")
 pegs = own_pegs.dropna(subset="inserted").astype({"inserted": int})
-lacking, all_ten = pegs[pegs.inserted < 9], pegs[pegs.inserted == 10]
+lacking = pegs[pegs.inserted < 9]
 
 fresh = all_fresh.query("factor == ''")
 alone, corrected = fresh.query("policy == 'skill'"), fresh.query("policy == 'skill with corrections'")
@@ -434,12 +435,14 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
     ],
     "docs/usage.md": [
         ("has {} pegs drawn", len(own_pegs)),
-        ("In the other {} the laws of theory hold", int(pegs.laws.astype(bool).sum())),
+        ("In all {} the laws of theory hold", int(pegs.laws.astype(bool).sum())),
         ("insert {} of {} trials: all ten with {} of them, nine with {}, fewer with {}",
-         [pegs.inserted.sum(), 10 * len(pegs), len(all_ten), (pegs.inserted == 9).sum(), len(lacking)]),
-        ("came with {} of these {}, and with {} of the {}",
-         [lacking.warned.count(), len(lacking), all_ten.warned.count(), len(all_ten)]),
+         [pegs.inserted.sum(), 10 * len(pegs), (pegs.inserted == 10).sum(), (pegs.inserted == 9).sum(), len(lacking)]),
+        ("these {} are among the {} with a radius below 6 mm",
+         [(lacking.radius < SMALL).sum(), (pegs.radius < SMALL).sum()]),
+        ("the other {} skills all insert at least nine", int((pegs[pegs.radius >= SMALL].inserted >= 9).sum())),
         ("up to {} corrections", int(pegs.corrected.max())),
+        ("With {} of the loosest holes no bad habit", word((pegs.demonstrated == 24).sum())),
     ],
 }
 # fmt: on
