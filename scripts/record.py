@@ -200,6 +200,7 @@ def record_live(
     from interfaces.terminal import say
     from models.scenario import load_scenario
     from skill.manipulation_skill import ManipulationSkill
+    from skill.practice.policy_observer import PolicyObserver
     from skill.practice.query_state import read_query_states
     from systems.law import check_geometry
 
@@ -214,6 +215,8 @@ def record_live(
         if not isclose(acts, records, rel_tol=1e-6):
             periods = f"the skill acts every {acts:g} s, the scenario records every {records:g} s"
             raise ValueError(f"{observer}: {periods}; expected the same period")
+        # The first look of a new installation compiles for some ten seconds, which must not stop a demonstration.
+        PolicyObserver(skill).watch([0.0] * 7, [0.0] * 2)
 
     def start_of(number: int) -> Scenario:
         if query_states:
