@@ -128,7 +128,24 @@ def laws(scenario: Scenario, seed: int) -> dict[str, Any]:
     return found
 
 
-def skill(scenario: Scenario, bad: int, trials: int, seed: int) -> dict[str, Any]:
+def demonstrated(scenario: Scenario, seed: int) -> list[Demonstration]:
+    """Returns the good demonstrations and the bad ones, or only the good ones where no bad habit does harm.
+
+    Raises:
+        ValueError: if a good one is missing.
+    """
+    found: list[Demonstration] = []
+    try:
+        for _, demonstration in demonstrate_all(scenario, requests(GOOD, BAD), seed=seed, jobs=1):
+            found.append(demonstration)
+    except ValueError:
+        if len(found) < GOOD:
+            raise
+        del found[GOOD:]  # the message asks for --bad 0
+    return found
+
+
+def skill(scenario: Scenario, trials: int, seed: int) -> dict[str, Any]:
     """Teaches a skill as the commands do, by demonstrations and corrections; returns how its trials ended."""
     shown: list[Demonstration] = []
     plan = CorrectionPlan(**PRACTICE, seed=seed)
@@ -148,12 +165,10 @@ def skill(scenario: Scenario, bad: int, trials: int, seed: int) -> dict[str, Any
         return True
 
     try:
-        shown += [d for _, d in demonstrate_all(scenario, requests(GOOD, bad), seed=seed, jobs=1)]
+        shown += demonstrated(scenario, seed)
         first = len(shown)
         learnt = correct(learn(), plan.rounds, practise=practise, demonstrate=show, train=lambda *_: learn())
     except ValueError as error:
-        if "--bad 0" in str(error):  # as the message asks for
-            return skill(scenario, 0, trials, seed)
         return {"demonstrated": len(shown), "inserted": 0, "ended": str(error)}
     results = [result for result, _ in run_trials(scenario, learnt, [100 * seed + k for k in range(trials)], jobs=1)]
     ended = Counter(result.reason for result in results if result.outcome is not Outcome.INSERTED)
@@ -175,7 +190,7 @@ def measure(sizes: Array, trials: int, seed: int) -> dict[str, Any]:
         scenario = scenario_of(*sizes)
     except ValueError as error:
         return {**row, "warned": f"refused: {error}"}
-    row |= laws(scenario, seed) | skill(scenario, BAD, trials, seed)
+    row |= laws(scenario, seed) | skill(scenario, trials, seed)
     return {**row, "warned": "; ".join(doubts(scenario)), "cpu": time.process_time() - begun}
 
 

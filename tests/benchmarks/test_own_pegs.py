@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.own_pegs import LEAST, MOST, corners, laws, measure, scenario_of, sizes_of, summary
+from benchmarks.own_pegs import LEAST, MOST, corners, demonstrated, laws, measure, scenario_of, sizes_of, summary
 
 
 def test_the_design_fills_its_range_and_is_that_of_its_seed():
@@ -34,6 +34,26 @@ def test_an_unusual_peg_is_taught_and_tried():
     assert row["demonstrated"] == 24 + 6
     assert row["inserted"] == 1
     assert row["warned"] == ""
+
+
+@pytest.mark.parametrize("bad", [0, 2])
+def test_where_a_bad_example_is_missing_only_good_ones_are_taught(bad, monkeypatch):
+    def shown(scenario, requested, *, seed, jobs):
+        yield from ((request, request.number) for request in requested[: 24 + bad])
+        raise ValueError("no bad example")
+
+    monkeypatch.setattr("benchmarks.own_pegs.demonstrate_all", shown)
+    assert demonstrated(None, 0) == list(range(24))
+
+
+def test_a_good_example_that_is_missing_is_an_error(monkeypatch):
+    def shown(scenario, requested, *, seed, jobs):
+        yield requested[0], 0
+        raise ValueError("no good example")
+
+    monkeypatch.setattr("benchmarks.own_pegs.demonstrate_all", shown)
+    with pytest.raises(ValueError, match="no good example"):
+        demonstrated(None, 0)
 
 
 def test_the_depth_is_not_measured_where_the_floor_comes_before_the_second_contact():

@@ -232,7 +232,6 @@ def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(tmp_path, q
         assert page.run("return document.getElementById('skill').hidden")
         press(page, " ")
         session.wait_for("recording:")
-        page.wait("document.getElementById('skill-rate').textContent")  # what it first sees of the demonstration
         seen, turns = set(), []
         for _ in range(15):
             press(page, "w", times=2, pause=0.1)
