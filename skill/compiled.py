@@ -1,30 +1,109 @@
-"""Compilation of numerical functions to machine code, which is kept between processes."""
+"""Compilation of numerical functions to machine code, which is kept between processes, checkouts and clones."""
 
 from __future__ import annotations
 
+import ast
 import hashlib
+import os
 from collections import namedtuple
 from collections.abc import Callable
 from dataclasses import fields
+from functools import cache
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.caching import _CacheLocator
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+ROOMS = ("models", "skill", "systems", "experiments")
+"""The packages that may hold compiled functions, or constants that they use."""
 
+KEPT = Path.home() / ".cache" / "haptic_skill"
+
+
+def code_digest(sources: list[str]) -> str:
+    """Returns a digest of what compiled functions can see in the modules with these texts.
+
+    These are the compiled functions, all other statements outside of functions, and what functions these call.
+    Comments, docstrings, methods, and functions that run in Python only do not count.
+    """
+    seen: list[ast.AST] = []
+    plain: list[ast.FunctionDef] = []
+    for node in (node for source in sources for node in ast.parse(source).body):
+        if isinstance(node, ast.FunctionDef) and "compiled" not in map(ast.unparse, node.decorator_list):
+            plain.append(node)
+        elif isinstance(node, ast.ClassDef):
+            seen += [
+                *node.bases,
+                *node.decorator_list,
+                *(part for part in node.body if not isinstance(part, ast.FunctionDef)),
+            ]
+        elif not isinstance(node, (ast.Import, ast.ImportFrom)):
+            seen.append(node)
+    found = [part for part in seen if not (isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant))]
+    for part in found:  # grows by the functions that are called
+        names = {node.id for node in ast.walk(part) if isinstance(node, ast.Name)}
+        called = [function for function in plain if function.name in names]
+        found += called
+        plain = [function for function in plain if function not in called]
+    for function in (part for part in found if isinstance(part, ast.FunctionDef)):
+        if ast.get_docstring(function) is not None:
+            function.body = function.body[1:]
+    return hashlib.sha256("\n".join(map(ast.dump, found)).encode()).hexdigest()[:16]
+
+
+@cache
 def _digest() -> str:
-    """Returns a digest of the modules that may hold compiled functions, all of `models`, `skill` and `systems`."""
+    """Returns `code_digest` of this checkout; it is kept, since parsing takes as long as starting."""
     root = Path(__file__).parents[1]
-    digest = hashlib.sha256()
-    for path in sorted(path for room in ("models", "skill", "systems") for path in root.glob(f"{room}/**/*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+    sources = [path.read_bytes() for room in ROOMS for path in sorted(root.glob(f"{room}/**/*.py"))]
+    known = KEPT / "sources" / hashlib.sha256(b"\0".join(sources)).hexdigest()[:32]
+    if known.exists():
+        return known.read_text()
+    digest = code_digest([source.decode() for source in sources])
+    known.parent.mkdir(parents=True, exist_ok=True)
+    partial = known.with_suffix(f".{os.getpid()}")
+    partial.write_text(digest)
+    partial.replace(known)
+    return digest
 
 
-# By itself numba compiles again when the file of a function changes, but not when that of a function it calls does.
-numba.config.CACHE_DIR = str(Path.home() / ".cache" / "haptic_skill" / _digest())  # type: ignore[attr-defined]
+class CodeLocator(_CacheLocator):  # type: ignore[misc]
+    """Tells numba where the code of a function of ours is kept: by module and name, for all checkouts of equal code.
+
+    By itself numba compiles again for each path, and does not when a function changes that the function calls.
+    """
+
+    def __init__(self, module: str) -> None:
+        self._module = module
+
+    def get_cache_path(self) -> str:  # the three that numba asks for
+        """Returns the folder."""
+        return str(KEPT / _digest())
+
+    def get_source_stamp(self) -> str:
+        """Returns what kept code must have been compiled from."""
+        return _digest()
+
+    def get_disambiguator(self) -> str:
+        """Returns what tells functions of one name apart."""
+        return self._module
+
+    @classmethod
+    def from_function(cls, py_func: FunctionType, py_file: str) -> CodeLocator | None:
+        """Returns the locator of a function; None if it is not one of ours."""
+        if py_func.__module__.split(".")[0] not in ROOMS:
+            return None
+        locator = cls(py_func.__module__)
+        locator.ensure_cache_path()  # type: ignore[no-untyped-call]
+        return locator
+
+
+_OTHERS = "UserProvidedCacheLocator,InTreeCacheLocator,UserWideCacheLocator,IPythonCacheLocator"
+numba.config.CACHE_LOCATOR_CLASSES = f"skill.compiled.CodeLocator,{_OTHERS}"  # type: ignore[attr-defined]
 
 
 def compiled(function: F) -> F:
