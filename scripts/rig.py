@@ -197,11 +197,10 @@ def write_report(runs: OutputSet, results: list[TrialResult], *, made_by: dict[s
     """
     from functools import partial
 
-    from interfaces.reports.batch_page import batch_report
     from interfaces.reports.replay_page import write_replay
+    from interfaces.reports.trials_page import trials_page
     from interfaces.terminal import progress
     from skill.data.files import write_atomically
-    from skill.data.rig_run import read_rig_run
 
     replays = {result.seed: REPLAY.format(result.seed) for result in results}
     missing = [number for number, name in replays.items() if not runs.path(name).is_file()]
@@ -210,10 +209,9 @@ def write_report(runs: OutputSet, results: list[TrialResult], *, made_by: dict[s
             run = runs.path(RUN.format(number))
             runs.write(replays[number], partial(write_replay, run, title=f"trial {number}"))
             advance(run.name)
-    page = batch_report(
+    page = trials_page(
         results,
         title=f"{len(results)} insertions on the rig",
-        state_names=read_rig_run(runs.path(RUN.format(results[0].seed))).metadata["state_names"],
         replays=replays,
         made_by=made_by,
         scenario=scenario,

@@ -15,21 +15,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def fill_page(name: str, **values: str) -> str:
+def fill_page(name: str, *, assets: str | None = None, **values: str) -> str:
     """Returns the page ``name``.html with its style, its script and ``values`` inserted.
 
-    The template holds placeholders ``$key``. ``$style`` and ``$script`` are the contents of ``name``.css and
-    ``name``.js, ``$base`` is the style that the pages with tables share. Inserted text is not searched for
-    placeholders, so a ``$`` in it is safe.
+    The template holds placeholders ``$key``. ``$style`` and ``$script`` are its style and script, ``$base`` is the
+    style that the pages with tables share. Inserted text is not searched for placeholders, so a ``$`` in it is safe.
 
     Args:
         name: name of the template, without its ending.
+        assets: name of its style and script; None for that of the template.
         **values: HTML for the other placeholders; the caller escapes text that users can choose.
 
     Raises:
         KeyError: if the template has a placeholder without a value.
     """
-    page, style, script = (_read(f"{name}.{ending}") for ending in ("html", "css", "js"))
+    page, style, script = _read(f"{name}.html"), _read(f"{assets or name}.css"), _read(f"{assets or name}.js")
     return Template(page).substitute(values, base=_read("page.css"), style=style, script=script)
 
 

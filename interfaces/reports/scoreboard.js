@@ -1,14 +1,13 @@
 // Sorts a table by the column whose heading is clicked; a second click reverses the order. Cells without a number stay last.
 
 (function () {
-  /** Orders two rows by the numbers of a column, or by the name of the policy. */
+  /** Orders two rows by the cells of a column, as numbers if both are, else as text. */
   function compareRows(column, sign) {
     return (one, other) => {
       const [a, b] = [one, other].map(row => row.cells[column]);
-      if (column === 0) return sign * a.textContent.localeCompare(b.textContent);
-      const [x, y] = [a.dataset.key, b.dataset.key];
+      const [x, y] = [a, b].map(cell => cell.dataset.key ?? cell.textContent.trim());
       if (x === "" || y === "") return (x === "") - (y === "");
-      return sign * (Number(x) - Number(y));
+      return sign * (isNaN(x) || isNaN(y) ? x.localeCompare(y) : x - y);
     };
   }
 
