@@ -21,9 +21,10 @@ from skill.manipulation_skill import ManipulationSkill
 from tests import browser
 from tests.quick_scenario import REQUESTS, make_quick_scenario
 
-# The same examples in every run, however busy the machine is; `pytest --hypothesis-profile default` draws new ones.
-settings.register_profile("repeatable", derandomize=True, deadline=None)
-settings.load_profile("repeatable")
+# The same examples in every run, however busy the machine is; `make test-nightly` draws new ones.
+settings.register_profile("daily", derandomize=True, deadline=None, max_examples=25)
+settings.register_profile("nightly", deadline=None, max_examples=200)
+settings.load_profile("daily")
 
 PROGRAMS = {  # marker: (alternative names of a program, Debian package) of every program that its tests need
     "browser": [
