@@ -37,8 +37,10 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.command_line import JsonFile, SkillFile, finish, run
 from benchmarks.rig.fault_injection import KINDS, injected
-from experiments import trial as trial_module
-from experiments.trial import TrialMonitor, run_trial, trial_scenario
+from experiments.trial import diagram_trial as trial_module
+from experiments.trial.diagram_trial import TrialMonitor
+from experiments.trial.run_trial import run_trial
+from experiments.trial.trial_set import trial_scenario
 from experiments.worker_pool import run_in_processes
 from interfaces.terminal import console, progress
 from models.scenario import Scenario, load_scenario

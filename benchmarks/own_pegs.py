@@ -53,7 +53,7 @@ from benchmarks.physics.contact_measurements import (
 from benchmarks.physics.exact_probe import ExactProbe
 from experiments.corrections import CorrectionPlan, StuckTrial, correct, demonstrate_corrections, run_practice
 from experiments.demonstration_set import demonstrate_all, requests
-from experiments.trial import run_trials
+from experiments.trial.run_trial import run_trials
 from interfaces.terminal import progress, say
 from models.clearance import TRIED, doubts
 from models.contact_geometry import PegInHole

@@ -26,9 +26,10 @@ import typer
 from sklearn.neighbors import KNeighborsRegressor
 
 from benchmarks.command_line import JsonFile, finish, run
-from experiments.ended_trial import EndedTrial
-from experiments.rollouts import rolled_out
-from experiments.trial import Arm, run_rig, trial_scenario
+from experiments.trial.diagram_trial import run_rig
+from experiments.trial.ended_trial import EndedTrial
+from experiments.trial.loop_trial import rolled_out
+from experiments.trial.trial_set import Arm, trial_scenario
 from experiments.worker_pool import run_in_processes
 from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import console

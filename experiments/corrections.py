@@ -19,8 +19,8 @@ import numpy as np
 
 from experiments.demonstration_run import run_demonstration
 from experiments.demonstration_set import GOOD_HABITS, OPERATORS
-from experiments.trial import run_trial
-from experiments.trial_result import TrialResult
+from experiments.trial.run_trial import run_trial
+from experiments.trial.trial_result import TrialResult
 from experiments.worker_pool import run_in_processes
 from models.scenario import CORRECTION_STREAM, QUESTION_STREAM, Scenario, parse_scenario, resolve_scenario
 from skill.data.demonstration import Demonstration

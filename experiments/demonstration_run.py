@@ -11,9 +11,9 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
-from experiments.metrics.jamming import is_jammed
-from experiments.metrics.penetration import deepest_overlap
 from experiments.provenance import versions
+from experiments.trial.jamming import is_jammed
+from experiments.trial.penetration import deepest_overlap
 from models.contact_geometry import rotations_of_vectors
 from models.scenario import Scenario, dump_scenario
 from skill.data.demonstration import Demonstration

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.metrics.penetration import MIN_UPRIGHT
+from experiments.trial.penetration import MIN_UPRIGHT
 from models.assembly import Assembly
 from models.contact_geometry import ContactLabel, rotations_of_vectors
 from skill.data.demonstration import Demonstration

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from experiments.trial_result import TrialResult
+from experiments.trial.trial_result import TrialResult
 from skill.manipulation_skill import ManipulationSkill
 
 

@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 
 from experiments.practice_results import Check, Round
-from experiments.trial import run_trial
-from experiments.trial_result import TrialResult
+from experiments.trial.run_trial import run_trial
+from experiments.trial.trial_result import TrialResult
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, Scenario, resolve_scenario
 from skill.data.rig_run import RigRun
 from skill.manipulation_skill import ManipulationSkill

@@ -78,7 +78,7 @@ def main(
     from experiments.outputs.output_set import open_set
     from experiments.outputs.set_index import RUNS, SetIndex
     from experiments.provenance import versions
-    from experiments.trial_result import TrialResult
+    from experiments.trial.trial_result import TrialResult
     from interfaces.robots.insertion import ArmSession
     from interfaces.robots.open_arm import estimated_wrench, open_arm
     from interfaces.sensors.open_sensor import open_sensor

@@ -24,7 +24,7 @@ from scripts.record import record
 from scripts.train import train
 
 if TYPE_CHECKING:
-    from experiments.trial_result import TrialResult
+    from experiments.trial.trial_result import TrialResult
     from skill.manipulation_skill import ManipulationSkill
 
 PRACTICE_TRIALS, CORRECTIONS = 16, 8
@@ -161,7 +161,7 @@ def write_pictures(
     import pandas as pd
 
     from experiments.demonstration_run import run_demonstration
-    from experiments.trial import run_trial
+    from experiments.trial.run_trial import run_trial
     from interfaces.reports.replay_page import write_replay
     from interfaces.terminal import progress
     from models.scenario import parse_scenario

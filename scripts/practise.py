@@ -13,7 +13,7 @@ from scripts.command_line import MAX_SEED, Engine, Jobs, OutFile, ScenarioName, 
 if TYPE_CHECKING:
     from experiments.outputs.output_set import OutputSet
     from experiments.practice_rounds import Perform, Trial
-    from experiments.trial_result import TrialResult
+    from experiments.trial.trial_result import TrialResult
     from skill.practice.paired_comparison import PairedChange
 
 MAX_NUMBER = 10_000  # of rounds and trials
@@ -84,7 +84,8 @@ def main(
     from experiments.outputs.set_index import PRACTICE, SetIndex, read_index
     from experiments.practice_rounds import Practice, improve, trial_names
     from experiments.provenance import versions
-    from experiments.trial import run_trial, trial_scenario
+    from experiments.trial.run_trial import run_trial
+    from experiments.trial.trial_set import trial_scenario
     from interfaces.reports.practice_report import change_table, check_costs, practice_record, round_table
     from interfaces.terminal import progress, say, show, write_json
     from models.scenario import dump_scenario
@@ -180,7 +181,7 @@ def kept_trials(files: OutputSet, jobs: int, advance: Callable[[str], None]) -> 
 
 def exact_result(values: dict[str, Any]) -> TrialResult:
     """Returns the result whose fields are stored as JSON values, in full precision."""
-    from experiments.trial_result import TrialResult
+    from experiments.trial.trial_result import TrialResult
     from skill.data.outcome import Outcome
     from systems.steps.faults import Fault
 

@@ -25,7 +25,7 @@ from scripts.command_line import (
 if TYPE_CHECKING:
     from experiments.outputs.output_set import OutputSet
     from experiments.outputs.set_index import SetIndex
-    from experiments.trial_result import TrialResult
+    from experiments.trial.trial_result import TrialResult
 
 RESULTS, REPORT = "results.json", "report.html"
 RUN, REPLAY = "run_{:04d}.parquet", "replay_{:04d}.html"
@@ -86,7 +86,8 @@ def main(
     from experiments.outputs.output_set import open_set
     from experiments.outputs.set_index import RUNS, SetIndex
     from experiments.provenance import versions
-    from experiments.trial import Arm, run_trials
+    from experiments.trial.run_trial import run_trials
+    from experiments.trial.trial_set import Arm
     from interfaces.terminal import progress, say
     from models.scenario import dump_scenario, validate_scenario
     from skill.data.rig_run import write_rig_run
@@ -177,7 +178,7 @@ def read_results(folder: Path) -> list[TrialResult]:
     """Reads the results of the trials in a folder."""
     from json import loads
 
-    from experiments.trial_result import TrialResult
+    from experiments.trial.trial_result import TrialResult
 
     return [TrialResult.from_record(row) for row in loads((folder / RESULTS).read_bytes())]
 

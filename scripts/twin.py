@@ -53,7 +53,7 @@ def main(
     """
     import time
 
-    from experiments.trial import Arm
+    from experiments.trial.trial_set import Arm
     from interfaces.robots.fr3_twin import SENSOR_PAGE_PORT, SENSOR_PORT, Fr3Twin, Insertion
     from interfaces.terminal import say, write_json
     from models.scenario import load_scenario, validate_scenario

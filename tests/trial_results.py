@@ -2,7 +2,7 @@
 
 import math
 
-from experiments.trial_result import TrialResult
+from experiments.trial.trial_result import TrialResult
 from skill.data.outcome import Outcome
 
 PLAIN = TrialResult(

@@ -9,7 +9,7 @@ from typing import Any
 from benchmarks.rig.control_laws import MomentCompliance, SpiralSearch, StraightPush, TunedLaw, tune
 from experiments.corrections import CorrectionPlan, StuckTrial, correct, demonstrate_corrections, run_practice
 from experiments.sweeps.policies import TrainingContext, learn
-from experiments.trial import run_trials
+from experiments.trial.run_trial import run_trials
 from skill.data.demonstration import Demonstration
 from skill.policy import RigPolicy
 from skill.practice.query_state import QueryState

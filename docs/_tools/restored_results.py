@@ -19,7 +19,7 @@ from experiments.sweeps.result_blocks import hold
 from experiments.sweeps.specification import read_specification
 from experiments.sweeps.trial_files import SWEEPS, TRIALS
 from experiments.sweeps.trial_rows import row_key
-from experiments.trial import trial_scenario
+from experiments.trial.trial_set import trial_scenario
 from models.scenario import dump_scenario
 
 

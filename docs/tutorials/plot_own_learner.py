@@ -15,7 +15,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from experiments.demonstration_set import demonstrate, requests
-from experiments.trial import run_trials
+from experiments.trial.run_trial import run_trials
 from models.scenario import load_scenario
 from skill import CompetitiveAgglomeration, ManipulationSkill
 

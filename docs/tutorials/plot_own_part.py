@@ -16,7 +16,7 @@ import matplotlib.pyplot as plt
 
 import models
 from experiments.demonstration_set import demonstrate_all, requests
-from experiments.trial import run_trials
+from experiments.trial.run_trial import run_trials
 from interfaces.reports.part_figure import plot_part
 from models.cad.pair import fit
 from models.cad.part_file import part_text, remarks

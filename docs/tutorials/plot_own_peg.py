@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from experiments.demonstration_set import demonstrate, requests
-from experiments.trial import run_trials
+from experiments.trial.run_trial import run_trials
 from models.clearance import followed
 from models.scenario import parse_scenario
 from skill import ManipulationSkill

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import matplotlib.pyplot as plt
 import numpy as np
 
-from experiments.trial import run_trials
+from experiments.trial.run_trial import run_trials
 from models.scenario import load_scenario
 from skill.policy import Action
 from systems.control.control_law import ControlLaw

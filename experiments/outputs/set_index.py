@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.trial_result import TrialResult
+from experiments.trial.trial_result import TrialResult
 from skill.data.demonstration import read_demonstration
 from skill.data.files import one_line, read_bounded, write_atomically
 from skill.data.rig_run import read_rig_run

@@ -17,7 +17,7 @@ from experiments.sweeps.policies import GivenSkill, check_imports, policy_digest
 from experiments.sweeps.result_blocks import Block, blocks_of
 from experiments.sweeps.specification import BASE, PolicyPlan, Specification, plan_in
 from experiments.sweeps.trial_rows import TrialSource, trial_code
-from experiments.trial import Arm, trial_scenario
+from experiments.trial.trial_set import Arm, trial_scenario
 from models.scenario import Geometry, Scenario
 from skill.data.geometry import PegHoleGeometry, fit_difference
 

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 from experiments.provenance import version_of, versions
 from experiments.sweeps.code_digest import code_digest, is_own, modules_of, values_digest
 from experiments.sweeps.specification import PolicyPlan
-from experiments.trial import Arm
+from experiments.trial.trial_set import Arm
 from experiments.worker_pool import received
 from models.document import brief
 from models.scenario import Scenario

@@ -25,7 +25,7 @@ from urllib.parse import quote
 
 from experiments.demonstration_set import MAX_DEMONSTRATIONS
 from experiments.sweeps.factors import Cell, Overrides, make_cells
-from experiments.trial import Arm
+from experiments.trial.trial_set import Arm
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.document import brief, read_document, read_text
 from models.scenario import ENGINES, Scenario, load_scenario, validate_scenario

@@ -12,7 +12,7 @@ from urllib.parse import quote
 import pyarrow as pa
 import pyarrow.dataset as pads
 
-from experiments.trial_result import COUNTS, NUMBERS
+from experiments.trial.trial_result import COUNTS, NUMBERS
 
 TRIALS, SWEEPS, SETS, SKILLS = "trials", "sweeps", "demonstrations", "skills"
 """Folders within the results: rows, specifications, sets of demonstrations, and skills."""

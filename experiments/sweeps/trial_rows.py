@@ -13,19 +13,15 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from experiments.provenance import version_of, versions
-from experiments.rollouts import rolled_out
 from experiments.sweeps.code_digest import code_digest, modules_of, values_digest
-from experiments.sweeps.rig_bench import RigBench
 from experiments.sweeps.trial_files import MEASURED_NUMBERS
-from experiments.trial import Arm, run_rig, trial_scenario
-from experiments.trial_result import COUNTS, TrialResult
+from experiments.trial.run_trial import perform_trial
+from experiments.trial.trial_result import COUNTS, TrialResult
+from experiments.trial.trial_set import Arm, trial_scenario
 from models.scenario import Scenario, dump_scenario
 from skill.policy import RigPolicy
 
 Row = dict[str, Any]
-
-_bench = RigBench()
-"""The rig of this process."""
 
 
 @dataclass(frozen=True)
@@ -98,10 +94,7 @@ def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[
     began, cpu = datetime.now(UTC), time.process_time()
     with threadpool_limits(1):
         scenario = trial_scenario(source.scenario, number=number, arm=source.arm)
-        ended = rolled_out(scenario, policy, number=number)
-        if ended is None:
-            ended = run_rig(_bench.rig(source, scenario, policy), scenario, seed=number)
-        result = ended.result
+        result = perform_trial(scenario, policy, number=number, cell=source).result
     return {
         **result_columns(result),
         **scenario_columns(scenario),

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from pydrake.math import RigidTransform
 
-from experiments.metrics.penetration import MIN_UPRIGHT
-from experiments.trial import TrialRun
-from experiments.trial_result import TrialResult
+from experiments.trial.diagram_trial import TrialRun
+from experiments.trial.penetration import MIN_UPRIGHT
+from experiments.trial.trial_result import TrialResult
 from models.contact_geometry import ContactLabel
 from models.scenario import Scenario
 from skill.arrays import Array

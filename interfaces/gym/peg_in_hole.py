@@ -12,7 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pydrake.geometry import Meshcat, MeshcatParams
 
-from experiments.trial import Arm, trial_scenario
+from experiments.trial.trial_set import Arm, trial_scenario
 from interfaces.gym.commanded_policy import CommandedPolicy
 from interfaces.gym.episode import Episode, Observation
 from interfaces.gym.picture import Picture

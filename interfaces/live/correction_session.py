@@ -15,7 +15,7 @@ from types import FrameType
 import numpy as np
 
 from experiments.corrections import StuckTrial, find_query_state, practice_trial
-from experiments.trial_result import TrialResult
+from experiments.trial.trial_result import TrialResult
 from interfaces.live.page import LivePage
 from interfaces.live.rig_view import RigView
 from interfaces.live.session import (

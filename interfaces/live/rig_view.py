@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from experiments.trial import TrialRun
+from experiments.trial.diagram_trial import TrialRun
 from interfaces.live.display import ContactLoad, LiveDisplay
 from interfaces.live.page import LivePage
 from interfaces.live.session import PICTURE_PERIOD

@@ -14,7 +14,7 @@ from interfaces.reports.result_tables import plain_table
 
 if TYPE_CHECKING:
     from experiments.practice_results import Round
-    from experiments.trial_result import TrialResult
+    from experiments.trial.trial_result import TrialResult
     from skill.practice.paired_comparison import PairedChange
 
 MEASURES = {

@@ -13,7 +13,7 @@ from rich.text import Text
 from skill.states.state_summary import FORCE, MOMENT, Spread, StateSummary
 
 if TYPE_CHECKING:
-    from experiments.trial_result import TrialResult
+    from experiments.trial.trial_result import TrialResult
     from skill.manipulation_skill import ManipulationSkill
     from skill.practice.query_state import QueryState
     from skill.states.phase_agreement import PhaseAgreement

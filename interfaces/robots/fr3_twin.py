@@ -29,7 +29,7 @@ from franky_sim.franka_robot_state import FrankaRobotState
 from franky_sim.simulation_server import SimulationServer
 from pydrake.geometry import Meshcat
 
-from experiments.trial import Arm, trial_scenario
+from experiments.trial.trial_set import Arm, trial_scenario
 from interfaces.sensors.net_ft_server import NetFtServer
 from models.hardware import GRAVITY
 from models.scenario import Scenario

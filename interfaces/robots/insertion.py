@@ -9,9 +9,9 @@ from typing import NoReturn
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from experiments.ended_trial import EndedTrial, Looks
-from experiments.metrics.force_metrics import ForceMetrics
-from experiments.metrics.motion_metrics import MotionMetrics
+from experiments.trial.ended_trial import EndedTrial, Looks
+from experiments.trial.force_metrics import ForceMetrics
+from experiments.trial.motion_metrics import MotionMetrics
 from interfaces.robots.robot_arm import ArmState, RobotArm
 from interfaces.sensors.tool import Tool, identify_tool
 from interfaces.sensors.wrench_stream import WrenchStream

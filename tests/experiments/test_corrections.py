@@ -17,7 +17,7 @@ from experiments.corrections import (
     run_practice,
 )
 from experiments.demonstration_set import OPERATORS, Request, demonstrate
-from experiments.trial import trial_scenario
+from experiments.trial.trial_set import trial_scenario
 from models.scenario import parse_scenario
 from skill.features.measurement import contact_load
 from skill.policy import Action

@@ -6,7 +6,7 @@ import pytest
 from experiments import practice_rounds
 from experiments.practice_results import Check
 from experiments.practice_rounds import Practice, improve, trial_names
-from experiments.trial import run_trial
+from experiments.trial.run_trial import run_trial
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, TRIAL_STREAM, resolve_scenario
 from skill.manipulation_skill import ManipulationSkill
 from skill.practice.exploration import rollout_of

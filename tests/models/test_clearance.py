@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from experiments.trial_result import TRUSTED_OVERLAP
+from experiments.trial.trial_result import TRUSTED_OVERLAP
 from models.clearance import (
     FOLLOWERS,
     TRUSTED_PART,

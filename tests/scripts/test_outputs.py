@@ -11,7 +11,7 @@ import pytest
 
 from experiments.outputs.output_set import open_live_folder, open_set
 from experiments.outputs.set_index import RUNS, SetIndex
-from experiments.trial import Arm, trial_scenario
+from experiments.trial.trial_set import Arm, trial_scenario
 from models.scenario import dump_scenario, parse_scenario
 from skill.data.demonstration import write_demonstration
 from skill.data.rig_run import read_rig_run, write_rig_run

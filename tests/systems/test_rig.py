@@ -7,7 +7,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import EventStatus
 
-from experiments.trial import run_rig
+from experiments.trial.diagram_trial import run_rig
 from models.scenario import FREE_FACETS, TRIAL_STREAM, load_scenario, resolve_scenario
 from skill.data.rig_run import LOGGED_COLUMNS
 from systems.rig import MakeRig

@@ -9,7 +9,7 @@ from benchmarks.rig import policies
 from benchmarks.rig.policies import corrected, first, tuned_compliance
 from experiments.corrections import CorrectionPlan
 from experiments.sweeps.policies import TrainingContext
-from experiments.trial import Arm
+from experiments.trial.trial_set import Arm
 from models.scenario import load_scenario
 from skill.practice.query_state import QueryState
 

@@ -107,7 +107,7 @@ from experiments.sweeps.trial_rows import TrialSource, perform, trial_modules
 from experiments.sweeps.policies import TrainingContext, make_policy
 from experiments.sweeps.specification import DemonstrationPlan, PolicyPlan
 from skill.data.demonstration import read_demonstrations
-from experiments.trial import Arm
+from experiments.trial.trial_set import Arm
 from tests.quick_scenario import make_quick_scenario
 scenario = make_quick_scenario()
 shown = read_demonstrations(Path({str(demonstration_folder)!r}))

@@ -6,7 +6,7 @@ import pytest
 
 from experiments.sweeps.policies import TrainingContext, check_imports, make_policy
 from experiments.sweeps.specification import PolicyPlan
-from experiments.trial import Arm
+from experiments.trial.trial_set import Arm
 from models.scenario import load_scenario
 
 PUSHES = "tests.experiments.sweeps.pushes"

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from experiments.sweeps.assignments import assignments
 from experiments.sweeps.factors import make_cells
 from experiments.sweeps.specification import DemonstrationPlan, overridden, plan_in, read_specification
-from experiments.trial import Arm
+from experiments.trial.trial_set import Arm
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.scenario import load_scenario
 

@@ -14,7 +14,7 @@ import pytest
 from experiments.sweeps import executors, trial_rows
 from experiments.sweeps.policy_store import PolicyStore
 from experiments.sweeps.trial_rows import result_columns
-from experiments.trial import run_trials
+from experiments.trial.run_trial import run_trials
 from models.scenario import load_scenario
 from skill.manipulation_skill import ManipulationSkill
 from tests.experiments.sweeps.conftest import rows_in

@@ -7,7 +7,7 @@ import pytest
 from experiments.sweeps import trial_rows
 from experiments.sweeps.trial_files import SCHEMA
 from experiments.sweeps.trial_rows import TrialSource, scenario_columns
-from experiments.trial import Arm
+from experiments.trial.trial_set import Arm
 from models.scenario import load_scenario
 from tests.experiments.sweeps.made_up_rows import made_up_row
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.rig.control_laws import StraightPush
-from experiments.trial import Arm, run_trial, trial_scenario
+from experiments.trial.run_trial import run_trial
+from experiments.trial.trial_set import Arm, trial_scenario
 from interfaces.gym.agents import PolicyAgent, run_episode
 from systems.steps.faults import Fault
 
@@ -73,7 +74,7 @@ def test_an_error_in_the_simulation_is_the_outcome_failed(make, monkeypatch):
     def fail(self, context):
         raise IndexError("no such row")
 
-    monkeypatch.setattr("experiments.trial.TrialMonitor._ending_of_step", fail)
+    monkeypatch.setattr("experiments.trial.diagram_trial.TrialMonitor._ending_of_step", fail)
     _, reward, terminated, _, info = env.step(np.zeros(3))
     assert terminated
     assert info["trial"]["reason"].startswith("failed")

@@ -12,7 +12,7 @@ import pytest
 from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
-from experiments.trial import Arm, trial_scenario
+from experiments.trial.trial_set import Arm, trial_scenario
 from interfaces.gym.peg_in_hole import FIRST_DRAWN, PegInHole
 from models.contact_geometry import ContactLabel
 from models.scenario import Scenario

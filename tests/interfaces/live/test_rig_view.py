@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.trial import run_trial
+from experiments.trial.run_trial import run_trial
 from interfaces.live.display import LiveDisplay
 from interfaces.live.rig_view import RigView
 from models.scenario import TRIAL_STREAM, resolve_scenario
@@ -101,7 +101,7 @@ def test_the_person_may_leave_the_trial(trial):
 
 @pytest.mark.slow
 def test_a_trial_that_diverges_ends_without_a_picture_of_it(trial, monkeypatch):
-    monkeypatch.setattr("experiments.trial.DIVERGENCE_FORCE", -1.0)
+    monkeypatch.setattr("experiments.trial.diagram_trial.DIVERGENCE_FORCE", -1.0)
     page = Page()
     run = perform(page, trial)
     assert run.ended().result.reason.startswith("diverged")

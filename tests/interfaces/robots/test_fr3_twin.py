@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("franky")
 pytest.importorskip("franky_sim")
 
-from experiments.trial import Arm, trial_scenario
+from experiments.trial.trial_set import Arm, trial_scenario
 from interfaces.robots import fr3_twin
 from interfaces.robots.fr3_twin import SENSOR_PAGE_PORT, SENSOR_PORT, Fr3Twin
 from interfaces.robots.franky_arm import FORCE_LIMIT as FRANKA_LIMIT

@@ -66,7 +66,7 @@ def test_rounding_and_the_time_to_the_next_sample_are_allowed(path):
 
 @pytest.mark.parametrize("outcome", ["a fault", "diverged", "none", "no sample"])
 def test_runs_that_end_early_agree_with_their_results(skill, tmp_path, outcome, monkeypatch):
-    from experiments.trial import run_trial
+    from experiments.trial.run_trial import run_trial
     from models.scenario import TRIAL_STREAM, resolve_scenario
     from tests.quick_scenario import make_quick_scenario
 
@@ -75,7 +75,7 @@ def test_runs_that_end_early_agree_with_their_results(skill, tmp_path, outcome, 
     if outcome == "a fault":  # every reading is beyond the range of the sensor
         scenario.sensor.force_range, scenario.sensor.force_quantum = [1e-3, 1e-3, 1e-3], 1e-5
     elif outcome == "diverged":
-        monkeypatch.setattr("experiments.trial.DIVERGENCE_FORCE", 0.5)
+        monkeypatch.setattr("experiments.trial.diagram_trial.DIVERGENCE_FORCE", 0.5)
     elif outcome == "no sample":
         scenario.trial.time_limit = 1e-3
     result, run = run_trial(resolve_scenario(scenario, seed=0, stream=TRIAL_STREAM), skill, seed=0)

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from experiments.trial import run_rig, run_trial, trial_scenario
+from experiments.trial.diagram_trial import run_rig
+from experiments.trial.run_trial import run_trial
+from experiments.trial.trial_set import trial_scenario
 from models.arm import FR3, UR5E
 from models.scenario import load_scenario, validate_scenario
 from scripts.command_line import SHIPPED

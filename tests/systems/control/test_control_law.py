@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from experiments.trial import run_trial, trial_scenario
+from experiments.trial.run_trial import run_trial
+from experiments.trial.trial_set import trial_scenario
 from skill.policy import Action
 from skill.states.estimate import Estimate
 from systems.control.control_law import ControlLaw

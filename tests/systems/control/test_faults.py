@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from benchmarks.rig.fault_injection import KINDS, injected
-from experiments import trial as trial_module
-from experiments.trial import TrialMonitor, run_trial, run_trials, trial_scenario
+from experiments.trial import diagram_trial as trial_module
+from experiments.trial.diagram_trial import TrialMonitor
+from experiments.trial.run_trial import run_trial, run_trials
+from experiments.trial.trial_set import trial_scenario
 from models.scenario import validate_scenario
 from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill

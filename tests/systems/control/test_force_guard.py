@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.trial import run_trial, trial_scenario
+from experiments.trial.run_trial import run_trial
+from experiments.trial.trial_set import trial_scenario
 from models.control import ForceGuardParameters
 from models.scenario import Scenario
 from skill.policy import Action

@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 
 from benchmarks.rig.control_laws import MomentCompliance, StraightPush
-from experiments.trial import run_rig, run_trial
+from experiments.trial.diagram_trial import run_rig
+from experiments.trial.run_trial import run_trial
 from models.control import WRENCHES
 from models.scenario import TRIAL_STREAM, resolve_scenario
 from systems.control.policy_wrench import PolicyWrench

@@ -11,7 +11,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from experiments.trial import trial_scenario
+from experiments.trial.trial_set import trial_scenario
 from models.scenario import Geometry, Scenario
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.plant.contact_plant import (

@@ -7,7 +7,8 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from experiments.trial import run_rig, trial_scenario
+from experiments.trial.diagram_trial import run_rig
+from experiments.trial.trial_set import trial_scenario
 from models.hardware import STEEL
 from skill.data.rig_run import ContactPlace
 from systems.plant.contact_plant import ALUMINIUM, AddRigPlant, NominalBodies

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 import systems.visualization.meshcat_scene
-from experiments.trial import run_trial, trial_scenario
+from experiments.trial.run_trial import run_trial
+from experiments.trial.trial_set import trial_scenario
 from skill.states.state_style import state_colours
 from systems.visualization.meshcat_scene import aim_camera, legend, recorded
 from tests.browser import blankness, open_page

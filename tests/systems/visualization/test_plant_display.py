@@ -3,7 +3,8 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from experiments.trial import TrialRun, trial_scenario
+from experiments.trial.diagram_trial import TrialRun
+from experiments.trial.trial_set import trial_scenario
 from interfaces.reports import replay_scene
 from interfaces.reports.motion import motion_of_run
 from models.scenario import DEMONSTRATION_STREAM, TRIAL_STREAM, resolve_scenario

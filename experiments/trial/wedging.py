@@ -5,7 +5,7 @@ exactly if the line between them lies in both friction cones: then forces along 
 Whitney, "Quasi-static assembly of compliantly supported rigid parts", J. Dyn. Syst. Meas. Control 104, 1982, where the
 tilt of two-point contact exceeds c/mu; S. N. Simunovic, "An information approach to parts mating", PhD thesis, MIT,
 1979). More push only squeezes harder: the peg comes free when it is turned or drawn out. A jammed peg, in contrast, is
-stopped by the direction of the load alone (`experiments.metrics.jamming`).
+stopped by the direction of the load alone (`experiments.trial.jamming`).
 
 `models.contact_theory.exact_wedging_tilt` is the same condition for a tilted peg in a round hole.
 """

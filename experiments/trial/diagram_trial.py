@@ -1,31 +1,21 @@
-"""Rig trials: simulation, monitoring and evaluation."""
+"""A trial by a diagram of the rig: simulation, monitoring and recording."""
 
 from __future__ import annotations
 
-import copy
 import math
-from collections.abc import Iterator
-from enum import StrEnum
-from functools import partial
 
 import numpy as np
 import pandas as pd
-from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
-from experiments.ended_trial import EndedTrial, Looks
-from experiments.metrics.force_metrics import ForceMetrics
-from experiments.metrics.motion_metrics import MotionMetrics
-from experiments.metrics.penetration import deepest_overlap
-from experiments.rollouts import rolled_out
-from experiments.trial_result import TrialResult
-from experiments.worker_pool import run_in_processes
-from models.clearance import relative_entry_tilt
-from models.scenario import STRESS_STREAM, TRIAL_STREAM, Scenario, resolve_scenario
+from experiments.trial.ended_trial import EndedTrial, Looks
+from experiments.trial.force_metrics import ForceMetrics
+from experiments.trial.motion_metrics import MotionMetrics
+from experiments.trial.penetration import deepest_overlap
+from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import Ending, Outcome
-from skill.data.rig_run import RigRun
 from skill.policy import RigPolicy
 from systems.plant.contact_forces import JOINED_SIZE, MAX_JOINED, contact_table
 from systems.plant.contact_plant import DIVERGENCE_FORCE
@@ -143,82 +133,28 @@ class TrialMonitor:
         return Ending(Outcome.INSERTED) if self.depth >= self._scenario.full_depth else None
 
 
-class Arm(StrEnum):
-    """Which trials of a scenario are performed."""
-
-    DEFAULT = "default"
-    """All that its ranges contain."""
-    STRESS = "stress"
-    """The hard ones: a tilt above `stress_tilt`, a pivot further than `STRESS_PIVOT` from the mouth, on either side,
-    and a friction within `STRESS_FRICTION`."""
+_kept: list[tuple[object, RigDiagram]] = []
+"""The rig of this process that was built last, and the cell for which it was built."""
 
 
-STRESS_TILT = math.radians(3.2)
-STRESS_PIVOT = 1.2e-3  # in units of m
-STRESS_FRICTION = (0.15, 0.3)
+def kept_rig(cell: object, scenario: Scenario, policy: RigPolicy) -> RigDiagram:
+    """Returns a rig for a trial: the one that was built last if it was for the same cell.
 
-
-def stress_tilt(scenario: Scenario) -> float:
-    """Returns the tilt above which a trial may be one of the arm `Arm.STRESS`, rad.
-
-    It is `STRESS_TILT`. Below the nominal clearance it keeps its part of the largest tilt that enters the hole.
-    """
-    return STRESS_TILT * min(1.0, relative_entry_tilt(scenario))
-
-
-def trial_scenario(scenario: Scenario, *, number: int, arm: Arm = Arm.DEFAULT) -> Scenario:
-    """Returns the resolved scenario of a trial; it shares no random draw with any demonstration.
-
-    Raises:
-        ValueError: if the ranges of the scenario contain no trial of the arm.
-    """
-    chosen = scenario if arm is Arm.DEFAULT else _stress_scenario(scenario, number)
-    return resolve_scenario(chosen, seed=number, stream=TRIAL_STREAM)
-
-
-def _stress_scenario(scenario: Scenario, number: int) -> Scenario:
-    """Returns a copy with the tilt, the pivot and the friction of a trial of the arm `Arm.STRESS`."""
-    largest, furthest, least = scenario.start.tilt_range, scenario.rig.pivot_range, stress_tilt(scenario)
-    if not (math.sqrt(2.0) * largest > 1.05 * least and furthest > STRESS_PIVOT):
-        raise ValueError(
-            f"start.tilt_range is {math.degrees(largest):.3g} deg and rig.pivot_range {1e3 * furthest:.3g} mm; expected"
-            f" at least {math.degrees(0.75 * least):.2g} deg and more than {1e3 * STRESS_PIVOT:g} mm, or no trial is"
-            " one of the stress arm"
-        )
-    rng = np.random.default_rng([STRESS_STREAM, number])
-    tilt = np.zeros(2)
-    while math.hypot(*tilt) <= least:
-        tilt = rng.uniform(-largest, largest, 2)
-    hard = copy.deepcopy(scenario)
-    hard.start.tilt = [float(angle) for angle in tilt]
-    hard.rig.pivot_height = float(rng.choice([-1.0, 1.0]) * rng.uniform(STRESS_PIVOT, furthest))
-    hard.contact.friction, hard.contact.friction_spread = float(rng.uniform(*STRESS_FRICTION)), 0.0
-    return hard
-
-
-def run_trials(
-    scenario: Scenario, skill: RigPolicy, numbers: list[int], *, jobs: int, arm: Arm = Arm.DEFAULT
-) -> Iterator[tuple[TrialResult, RigRun]]:
-    """Yields the trials in the order of their numbers, as they finish, from ``jobs`` processes."""
-    tasks = (partial(run_trial, trial_scenario(scenario, number=n, arm=arm), skill, seed=n) for n in numbers)
-    yield from run_in_processes(tasks, jobs=jobs)
-
-
-def run_trial(
-    scenario: Scenario, skill: RigPolicy, *, seed: int, meshcat: Meshcat | None = None
-) -> tuple[TrialResult, RigRun]:
-    """Simulates one resolved scenario. An error during the simulation becomes the outcome of the trial.
+    Drake 1.51 keeps each diagram with Python systems in its process, and building one takes as long as 50 ms of a
+    trial.
 
     Args:
-        scenario: resolved (see `resolve_scenario`).
-        skill: the policy that controls the rig.
-        seed: number of the trial, for the record.
-        meshcat: where to draw and record; None draws nothing.
+        cell: equal for trials whose scenarios and policy differ only in what `RigDiagram.set_trial` replaces.
+        scenario: of the trial, resolved.
+        policy: that acts; an equal one acts in a rig that was built before.
+
+    Raises:
+        ValueError: see `MakeRig`.
     """
-    ended = rolled_out(scenario, skill, number=seed) if meshcat is None else None
-    if ended is None:
-        ended = run_rig(MakeRig(scenario, skill, meshcat=meshcat), scenario, seed=seed)
-    return ended.result, ended.record(skill)
+    if not (_kept and _kept[0][0] == cell):
+        _kept.clear()  # also if the next one cannot be built
+        _kept.append((cell, MakeRig(scenario, policy)))
+    return _kept[0][1]
 
 
 def run_rig(rig: RigDiagram, scenario: Scenario, *, seed: int) -> EndedTrial:

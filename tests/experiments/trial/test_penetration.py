@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from experiments.exact_states import exact_bodies
-from experiments.metrics.penetration import deepest_overlap
+from experiments.trial.penetration import deepest_overlap
 from models.scenario import Geometry
 
 G = Geometry()

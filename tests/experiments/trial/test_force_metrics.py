@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.metrics.force_metrics import ForceMetrics, contact_rows
+from experiments.trial.force_metrics import ForceMetrics, contact_rows
 from skill.data.rig_run import CONTACT_COLUMNS, ContactPlace
 from systems.plant.contact_forces import Contact, contact_table
 

@@ -8,14 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from experiments.trial import (
+from experiments.trial.run_trial import run_trial, run_trials
+from experiments.trial.trial_set import (
     STRESS_FRICTION,
     STRESS_PIVOT,
     STRESS_TILT,
     TRIAL_STREAM,
     Arm,
-    run_trial,
-    run_trials,
     stress_tilt,
     trial_scenario,
 )

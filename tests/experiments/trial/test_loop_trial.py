@@ -6,8 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.rollouts import rolled_out
-from experiments.trial import Arm, run_rig, run_trial, trial_scenario
+from experiments.trial.diagram_trial import run_rig
+from experiments.trial.loop_trial import rolled_out
+from experiments.trial.run_trial import run_trial
+from experiments.trial.trial_set import Arm, trial_scenario
 from models.scenario import load_scenario
 from scripts.command_line import SHIPPED
 from skill.data.outcome import Outcome

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from experiments.trial_result import TrialResult
+from experiments.trial.trial_result import TrialResult
 from scripts.practise import exact_result
 from skill.data.outcome import Outcome
 from systems.steps.faults import Fault

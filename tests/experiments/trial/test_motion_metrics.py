@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from experiments.metrics.motion_metrics import MIN_SPEED, WINDOW, MotionMetrics, mean_jerk
+from experiments.trial.motion_metrics import MIN_SPEED, WINDOW, MotionMetrics, mean_jerk
 
 STEP = 2e-3
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.ended_trial import EndedTrial, Looks
-from experiments.metrics.force_metrics import force_figures
-from experiments.metrics.motion_metrics import motion_figures
+from experiments.trial.ended_trial import EndedTrial, Looks
+from experiments.trial.force_metrics import force_figures
+from experiments.trial.motion_metrics import motion_figures
 from models.arm import RIG
 from models.scenario import Scenario
 from skill.data.outcome import Outcome

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.metrics.field_score import field_score
-from experiments.metrics.motion_metrics import MotionFigures
+from experiments.trial.field_score import field_score
+from experiments.trial.motion_metrics import MotionFigures
 
 SMOOTH = MotionFigures(path_length=0.028, mean_jerk=0.0, start_distance=0.028)
 

@@ -51,7 +51,7 @@ class TrialResult:
             ``DIVERGED``, ``FAILED``: the simulation could not continue.
         time: simulated time, s.
         depth: depth of the tip at the end, m.
-        peak_axial_force: see `experiments.metrics.force_metrics.ForceFigures`, as for the other forces.
+        peak_axial_force: see `experiments.trial.force_metrics.ForceFigures`, as for the other forces.
         peak_lateral_force: N.
         peak_moment: N m.
         penetration: deepest overlap of the exact bodies at the recorded samples, m.
@@ -70,10 +70,10 @@ class TrialResult:
         first_touch: N s.
         peak_measured_load: N.
         force_above_20n: s.
-        wedged_time: time in which the peg was wedged, s; see `experiments.metrics.wedging`.
-        path_length: see `experiments.metrics.motion_metrics.MotionFigures`, m.
+        wedged_time: time in which the peg was wedged, s; see `experiments.trial.wedging`.
+        path_length: see `experiments.trial.motion_metrics.MotionFigures`, m.
         mean_jerk: m/s^3.
-        field_score: points by the rule in `experiments.metrics.field_score`, at most 100.
+        field_score: points by the rule in `experiments.trial.field_score`, at most 100.
         trusted: whether `penetration` is at most `TRUSTED_OVERLAP` of the clearance. The figures of a trial with a
             deeper overlap say little about bodies of metal.
     """

@@ -7,7 +7,7 @@ https://github.com/intrinsic-dev/aic), at most 100 points a trial:
 validity                1 point: the policy runs
 insertion               75 points inserted; else, with the plug in the port, 38 at its entrance to 50 at its bottom
 duration                12 points up to 5 s, 0 from 60 s on
-smoothness              6 points without jerk, 0 from 50 m/s^3 on (`experiments.metrics.motion_metrics.mean_jerk`)
+smoothness              6 points without jerk, 0 from 50 m/s^3 on (`experiments.trial.motion_metrics.mean_jerk`)
 efficiency              6 points for a path no longer than the distance from start to port, 0 if it is 1 m longer
 force                   -12 points if a force above 20 N lasts longer than 1 s in all
 ======================  ===========================================================================================
@@ -27,14 +27,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from experiments.metrics.motion_metrics import MotionFigures
+from experiments.trial.motion_metrics import MotionFigures
 
 VALIDITY, INSERTION, DURATION, SMOOTHNESS, EFFICIENCY, FORCE = 1.0, 75.0, 12.0, 6.0, 6.0, -12.0  # points
 ENTRANCE, BOTTOM = 38.0, 50.0  # points of a peg in the hole that is not inserted
 FAST, SLOW = 5.0, 60.0  # in units of s
 MAX_JERK = 50.0  # in units of m/s^3
 MAX_DETOUR = 1.0  # in units of m
-MAX_FORCE_TIME = 1.0  # in units of s, above `experiments.metrics.force_metrics.HIGH_LOAD`
+MAX_FORCE_TIME = 1.0  # in units of s, above `experiments.trial.force_metrics.HIGH_LOAD`
 
 
 @dataclass(frozen=True)

@@ -4,22 +4,22 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.sweeps import rig_bench, trial_rows
-from experiments.sweeps.rig_bench import RigBench
 from experiments.sweeps.trial_rows import TrialSource, perform, result_columns
-from experiments.trial import Arm, run_trial, trial_scenario
+from experiments.trial import diagram_trial
+from experiments.trial.run_trial import run_trial
+from experiments.trial.trial_set import Arm, trial_scenario
 from models.scenario import load_scenario
 from tests.experiments.sweeps.pushes import Push
 
 
 @pytest.fixture
 def built(monkeypatch):
-    """The engines in which rigs were built, with an empty bench."""
+    """The engines in which rigs were built, with none kept."""
     found = []
-    make_rig = rig_bench.MakeRig
-    monkeypatch.setattr(trial_rows, "_bench", RigBench())
+    make_rig = diagram_trial.MakeRig
+    monkeypatch.setattr(diagram_trial, "_kept", [])
     monkeypatch.setattr(
-        rig_bench,
+        diagram_trial,
         "MakeRig",
         lambda scenario, policy: (found.append(scenario.contact.engine), make_rig(scenario, policy))[1],
     )

@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 
 from benchmarks.physics.contact_measurements import PegTheory, converged
 from benchmarks.physics.contact_probe import ContactProbe
-from experiments.metrics.wedging import WEDGE_FORCE, WEDGE_TIME, is_wedged, wedged_time
+from experiments.trial.wedging import WEDGE_FORCE, WEDGE_TIME, is_wedged, wedged_time
 from models.contact_theory import exact_wedging_tilt, two_point_depth
 from models.scenario import load_scenario
 from skill.data.rig_run import ContactPlace

@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.metrics.field_score import field_score
-from experiments.metrics.force_metrics import ForceFigures, contact_rows
-from experiments.metrics.jamming import is_jammed
-from experiments.metrics.motion_metrics import MotionFigures
-from experiments.metrics.wedging import wedged_samples, wedged_time
 from experiments.provenance import versions
-from experiments.trial_result import TRUSTED_OVERLAP, TrialResult
+from experiments.trial.field_score import field_score
+from experiments.trial.force_metrics import ForceFigures, contact_rows
+from experiments.trial.jamming import is_jammed
+from experiments.trial.motion_metrics import MotionFigures
+from experiments.trial.trial_result import TRUSTED_OVERLAP, TrialResult
+from experiments.trial.wedging import wedged_samples, wedged_time
 from models.scenario import Scenario, dump_scenario
 from skill.arrays import Array
 from skill.data.axes import AXES

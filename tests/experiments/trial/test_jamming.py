@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from experiments.metrics.jamming import JAMMED_FORCE, JAMMED_GAIN, JAMMED_TIME, is_jammed
+from experiments.trial.jamming import JAMMED_FORCE, JAMMED_GAIN, JAMMED_TIME, is_jammed
 
 TIME = np.arange(0.0, 3.0, 0.02)
 PRESSED = np.tile([0.0, 0.6, 0.8], (len(TIME), 1)) * (JAMMED_FORCE + 0.1)

@@ -1,1 +1,0 @@
-"""Figures of a simulated run: forces, motion, overlap, jams and wedges."""

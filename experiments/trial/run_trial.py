@@ -1,0 +1,64 @@
+"""Performs trials: by the compiled loop if it can, else by a diagram."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+from pydrake.geometry import Meshcat
+
+from experiments.trial.diagram_trial import kept_rig, run_rig
+from experiments.trial.ended_trial import EndedTrial
+from experiments.trial.loop_trial import rolled_out
+from experiments.trial.trial_result import TrialResult
+from experiments.trial.trial_set import Arm, trial_scenario
+from experiments.worker_pool import run_in_processes
+from models.scenario import Scenario
+from skill.data.rig_run import RigRun
+from skill.policy import RigPolicy
+from systems.rig import MakeRig
+
+
+def run_trials(
+    scenario: Scenario, skill: RigPolicy, numbers: list[int], *, jobs: int, arm: Arm = Arm.DEFAULT
+) -> Iterator[tuple[TrialResult, RigRun]]:
+    """Yields the trials in the order of their numbers, as they finish, from ``jobs`` processes."""
+    tasks = (partial(run_trial, trial_scenario(scenario, number=n, arm=arm), skill, seed=n) for n in numbers)
+    yield from run_in_processes(tasks, jobs=jobs)
+
+
+def run_trial(
+    scenario: Scenario, skill: RigPolicy, *, seed: int, meshcat: Meshcat | None = None
+) -> tuple[TrialResult, RigRun]:
+    """Simulates one resolved scenario. An error during the simulation becomes the outcome of the trial.
+
+    Args:
+        scenario: resolved (see `resolve_scenario`).
+        skill: the policy that controls the rig.
+        seed: number of the trial, for the record.
+        meshcat: where to draw and record; None draws nothing.
+    """
+    if meshcat is None:
+        ended = perform_trial(scenario, skill, number=seed)
+    else:
+        ended = run_rig(MakeRig(scenario, skill, meshcat=meshcat), scenario, seed=seed)
+    return ended.result, ended.record(skill)
+
+
+def perform_trial(scenario: Scenario, policy: RigPolicy, *, number: int, cell: object = None) -> EndedTrial:
+    """Performs one trial.
+
+    Args:
+        scenario: resolved.
+        policy: that acts.
+        number: of the trial, for the record.
+        cell: see `kept_rig`; None builds a new rig.
+
+    Raises:
+        ValueError: if the policy was made for another peg or hole.
+    """
+    ended = rolled_out(scenario, policy, number=number)
+    if ended is None:
+        rig = MakeRig(scenario, policy) if cell is None else kept_rig(cell, scenario, policy)
+        ended = run_rig(rig, scenario, seed=number)
+    return ended
