@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.scoreboard.paired_statistics import wilson
-from experiments.trial_result import TrialResult
+from experiments.trial.trial_result import TrialResult
 from interfaces.reports.page_template import definitions, fill_page
 
 COLUMNS = {  # key of a record -> (heading, unit, digits)
