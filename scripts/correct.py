@@ -79,7 +79,7 @@ def main(
     A skill that imitates gets into query states that nobody has shown. In each round it performs practice trials on
     the rig. Where it backs off for the first time in a trial, the simulated operator takes over in the virtual
     environment, in the same pose and with the same senses as in a demonstration. These corrections become part of the
-    demonstrations, from which a skill of the same policy and number of contexts is trained.
+    demonstrations, from which a skill of the same policy is trained.
     The seed is that of the demonstrations, whose operators take over, of the practice, and of the clustering.
 
     Reads a skill, its demonstrations and a scenario. Writes the corrections of round k into the folder round_k
@@ -199,7 +199,7 @@ def begin(
     """Reads and checks what both kinds of correction need, and returns it.
 
     Returns:
-        The scenario; the skill; and what trains a skill of its policy and number of contexts, as `scripts.train` does,
+        The scenario; the skill; and what trains a skill of its policy, as `scripts.train` does,
         from some folders, into the file ``out``.
     """
     from functools import partial
@@ -213,8 +213,7 @@ def begin(
     require_distinct({"--demonstrations": demonstrations, "--corrections": corrections})
     check_file(out, ".npz", size=REPORT_SIZE)
     find_recordings(demonstrations)
-    contexts = learnt.metadata_.get("max_contexts", 1)
-    return chosen, learnt, partial(train, out=out, seed=plan.seed, contexts=contexts, policy=learnt.policy)
+    return chosen, learnt, partial(train, out=out, seed=plan.seed, policy=learnt.policy)
 
 
 def save_unchanged(skill: ManipulationSkill, out: Path) -> None:

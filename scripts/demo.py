@@ -108,7 +108,7 @@ def main(
             )
             finish("record")
             if "skill" not in finished:
-                train([recorded], out=skill_file, seed=seed, contexts=1)
+                train([recorded], out=skill_file, seed=seed)
                 plan = CorrectionPlan(rounds=1, trials=PRACTICE_TRIALS, most=CORRECTIONS, seed=seed)
                 files = (skill_file, recorded, out / "corrections", skill_file)
                 correct_simulated(*files, plan, scenario=scenario, engine=engine, jobs=jobs, overwrite=True)

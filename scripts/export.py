@@ -26,7 +26,7 @@ Log = Annotated[Path | None, typer.Argument(parser=parse_path, metavar="OUT.mcap
 def export_lerobot(folder: Folder, out: Out, skill: OptionalSkillFile = None, overwrite: Replace = False) -> None:
     """Writes demonstrations or rig runs, failures too, as a LeRobot data set: `export lerobot out/rig out/dataset`.
 
-    Each recording is an episode. A skill estimates the states and contexts of demonstrations; runs contain their own.
+    Each recording is an episode. A skill estimates the states of demonstrations; runs contain their own.
     """
     from collections import Counter
 

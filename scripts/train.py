@@ -23,9 +23,6 @@ def main(
     ] = [Path("out/demonstrations")],  # noqa: B006
     out: OutFile = Path("out/skill.npz"),
     seed: Seed = 0,
-    contexts: Annotated[
-        int, typer.Option(min=1, max=10, help="Largest number of contexts to discover; 1 learns without contexts.")
-    ] = 1,
     policy: Annotated[
         Literal["imitate", "plan"],
         typer.Option(help="Act as the good demonstrations do, or plan the way to the desired next contact state."),
@@ -38,10 +35,6 @@ def main(
     of `--out`. Prints one row per state: how often and how long it was visited, and what follows it. The seed is that
     of the random draws of the learner.
 
-    With `--contexts 3` it also discovers up to three contexts in the good demonstrations: what stays the same during a
-    demonstration and shows only in how the forces answer to the motion. A skill with contexts is faster where it
-    believes the right one, and fails more often.
-
     With `--policy plan` the skill also learns how the forces answer to each motion, and which forces the good
     demonstrations keep to in each state. It then chooses the motion that leads to the desired next state.
 
@@ -51,7 +44,7 @@ def main(
     """
     from interfaces.terminal import say
 
-    train(demonstrations, out=out, seed=seed, contexts=contexts, policy=policy)
+    train(demonstrations, out=out, seed=seed, policy=policy)
     say(f"try it: haptic-skill rig --skill {out}")
 
 
@@ -60,7 +53,6 @@ def train(
     *,
     out: Path,
     seed: int,
-    contexts: int,
     policy: str = "imitate",
 ) -> ManipulationSkill:
     """Fits a skill to the recordings in some folders, writes it to the file ``out``, and returns it.
@@ -69,7 +61,6 @@ def train(
         demonstrations: the folders.
         out: file of the skill.
         seed: of the random draws of the learner.
-        contexts: largest number of contexts that is discovered.
         policy: one of ``skill.skill_file.POLICIES``.
 
     Raises:
@@ -80,11 +71,10 @@ def train(
     from experiments.outputs.folder_lock import locked_file
     from experiments.outputs.output_checks import check_file, named_errors
     from experiments.outputs.output_set import find_recordings
-    from interfaces.reports.result_tables import context_line, state_table
+    from interfaces.reports.result_tables import state_table
     from interfaces.terminal import busy, say, show
     from skill.data.demonstration import read_demonstration
     from skill.manipulation_skill import ManipulationSkill
-    from skill.states.context_mixture import ContextMixture
 
     check_file(out, ".npz")
     folders = [folder.resolve() for folder in demonstrations]
@@ -98,14 +88,10 @@ def train(
         recordings += [read_demonstration(path) for path in paths]
     with locked_file(out):
         with busy(f"learning from {len(recordings)} demonstrations"):
-            mixture = ContextMixture(max_contexts=contexts, random_state=seed) if contexts > 1 else None
-            skill = ManipulationSkill(contexts=mixture, policy=policy, random_state=seed).fit(recordings)
-            skill.metadata_["max_contexts"] = contexts
+            skill = ManipulationSkill(policy=policy, random_state=seed).fit(recordings)
             give_names(skill, recordings)
         with named_errors(out, "the recordings are unchanged"):
             skill.save(out)
     show(state_table(skill))
-    if contexts > 1:
-        say(context_line(skill))
     say(f"{skill.n_states} contact states, {len(skill.sources_)} remembered samples, in {out}")
     return skill

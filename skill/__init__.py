@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from skill.regression.locally_weighted_regression import LWRegressor
     from skill.states.contact_state_filter import ContactStateFilter
     from skill.states.contact_states import ContactStates
-    from skill.states.context_mixture import ContextMixture
     from skill.states.state_graph import StateGraph
 
 _HOMES = {
@@ -27,7 +26,6 @@ _HOMES = {
     "ContactFeatures": "features.contact_features",
     "ContactStateFilter": "states.contact_state_filter",
     "ContactStates": "states.contact_states",
-    "ContextMixture": "states.context_mixture",
     "Demonstration": "data.demonstration",
     "LWRegressor": "regression.locally_weighted_regression",
     "ManipulationSkill": "manipulation_skill",
@@ -48,7 +46,6 @@ __all__ = [
     "ContactFeatures",
     "ContactStateFilter",
     "ContactStates",
-    "ContextMixture",
     "Demonstration",
     "LWRegressor",
     "ManipulationSkill",

@@ -19,8 +19,8 @@ from skill.data.geometry import PegHoleGeometry, common_geometry
 from skill.data.outcome import Outcome
 from skill.data.refinement import INTENDED
 from skill.features.contact_features import ContactFeatures
-from skill.features.responses import ResponseFeatures, joined
-from skill.features.training_samples import CONTEXTS, PLANNING, SampleSettings, noise_stream, observed_series
+from skill.features.responses import ResponseFeatures
+from skill.features.training_samples import PLANNING, SampleSettings, noise_stream, observed_series
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, WrenchFeatures
 from skill.planning.imitation import FEED, N_TURNS, SPIN, Imitation, lowest_log_support
 from skill.planning.planner import Planner
@@ -33,9 +33,7 @@ from skill.regression.locally_weighted_regression import LWRegressor
 from skill.regression.protocols import ExplainableRegressor, Regressor, StateRegressor
 from skill.skill_file import POLICIES, SKILL_PARAMETERS, SkillContents, read_skill_file, write_skill_file
 from skill.states.contact_state_filter import ContactStateFilter
-from skill.states.context_filter import ContextFilter, pair_probabilities
-from skill.states.context_mixture import ContextMixture
-from skill.states.estimate import Estimate, PairEstimator
+from skill.states.estimate import Estimate, StateEstimator
 from skill.states.state_graph import StateGraph
 from skill.states.state_style import state_labels
 
@@ -57,7 +55,6 @@ class ManipulationSkill:
             geometry of the demonstrations.
         states: clusterer of the contact states; None for `CompetitiveAgglomeration` with ``STATE_FLOOR``. With
             ``m_init=1`` it finds a single state.
-        contexts: discovers contexts, such as `ContextMixture`; None learns without them.
         policy: "imitate", do what the good demonstrations do in the same situation, or "plan", do what leads to the
             desired next state (`skill.planning.planner`).
         regressor: regressor of the actions, with several outputs as in scikit-learn; None for `LWRegressor`. The
@@ -74,17 +71,16 @@ class ManipulationSkill:
         random_state: seed of the sensor noise and of the clustering.
 
     Attributes:
-        features_, state_features_, states_, contexts_, regressor_: the fitted parts; ``contexts_`` is None if there is
-            a single context. The outputs of the regressor are (turn_x, turn_y, feed) over one sample period that the
-            good demonstrations intend, in the frame of the features; then turn_z, if all demonstrations were recorded
-            with a clocking stage.
+        features_, state_features_, states_, regressor_: the fitted parts. The outputs of the regressor are (turn_x,
+            turn_y, feed) over one sample period that the good demonstrations intend, in the frame of the features;
+            then turn_z, if all demonstrations were recorded with a clocking stage.
         graph_: `StateGraph` of the demonstrations.
         planning_: `PlanningModel`; None for the policy "imitate".
         period_: sample period, s.
         sources_: (n, 2), demonstration number and time (s) of each sample of the regressor.
         min_log_support_: logarithm of the kernel weight below which support is low; see `lowest_log_support`.
         names_: names of the states, or None.
-        metadata_: numbers of demonstrations, their geometry, and the weights of the contexts.
+        metadata_: numbers of demonstrations, and their geometry.
     """
 
     names_: list[str] | None
@@ -96,7 +92,6 @@ class ManipulationSkill:
         features: WrenchFeatures | None = None,
         state_features: WrenchFeatures | None = None,
         states: CompetitiveAgglomeration | None = None,
-        contexts: ContextMixture | None = None,
         policy: str = "imitate",
         regressor: Regressor | None = None,
         still: float = 2e-5,
@@ -110,7 +105,6 @@ class ManipulationSkill:
         self.features = features
         self.state_features = state_features
         self.states = states
-        self.contexts = contexts
         self.policy = policy
         self.regressor = regressor
         self.still = still
@@ -120,7 +114,7 @@ class ManipulationSkill:
         self.force_noise = force_noise
         self.moment_noise = moment_noise
         self.random_state = random_state
-        self._imitation_parts: tuple[Any, ...] = (None,) * 4  # of which the imitation was made that is kept
+        self._imitation_parts: tuple[Any, ...] = (None,) * 3  # of which the imitation was made that is kept
         self._imitation: Imitation
 
     # ----------------------------------------------------------------- learning
@@ -159,9 +153,6 @@ class ManipulationSkill:
             "geometry": None if geometry is None else geometry.record(),
             "clocking": all(bool(d.metadata.get("clocking")) for d in demonstrations),
         }
-        self._fit_contexts(demonstrations, samples)
-        weights = [1.0] if self.contexts_ is None else [round(float(w), 3) for w in self.contexts_.weights_]
-        self.metadata_["contexts"] = weights
         self._fit_actions(demonstrations, refined)
         self.planning_ = self._planning_model(demonstrations) if self.policy == "plan" else None
         return self
@@ -184,24 +175,6 @@ class ManipulationSkill:
             times=[r["time"] for r in refined],
         )
 
-    def _fit_contexts(self, demonstrations: Sequence[Demonstration], samples: SampleSettings) -> None:
-        """Discovers the contexts in how the good demonstrations' measurements answer to their motions."""
-        self.contexts_ = None
-        if self.contexts is None:
-            return
-        rng = noise_stream(self.random_state, CONTEXTS)
-        features = self._response_features()
-        responses = {
-            n: samples.responses(demonstration, features, self.period_, rng)
-            for n, demonstration in enumerate(demonstrations)
-            if demonstration.good
-        }
-        mixture = clone(self.contexts)
-        if sum(len(found.features) > 0 for found in responses.values()) >= 2:
-            found, numbers = joined(responses)
-            mixture.fit(found.features, found.outputs, inputs=found.inputs, groups=numbers)
-            self.contexts_ = mixture if mixture.n_contexts_ > 1 else None
-
     def _fit_actions(self, demonstrations: Sequence[Demonstration], refined: Sequence[pd.DataFrame]) -> None:
         """Fits the regressor to the refined samples of the good demonstrations."""
         numbers = [n for n, d in enumerate(demonstrations) if d.good]
@@ -211,7 +184,7 @@ class ManipulationSkill:
         X = self.features_.transform(measured)
         outputs = INTENDED if self.metadata_["clocking"] else INTENDED[:SPIN]
         Y = self.features_.actions_to_frame(measured, samples[list(outputs)].to_numpy())
-        P = pair_probabilities(self.state_probabilities(measured), self._contexts_of(groups))
+        P = self.state_probabilities(measured)
         self.sources_ = np.column_stack([groups, samples["time"].to_numpy()])
         if self.regressor is None:
             self.regressor_ = tuned_regressor(X, Y, groups, memberships=P, random_state=self.random_state)
@@ -227,15 +200,13 @@ class ManipulationSkill:
         """Learns what the policy "plan" needs from all demonstrations."""
         if not isinstance(self.regressor_, LWRegressor):
             raise TypeError(f"a {type(self.regressor_).__name__} has no neighbours; expected one such as LWRegressor")
-        rows, numbers = self.transitions(demonstrations, noise_stream(self.random_state, PLANNING))
+        rows = self._transitions(demonstrations)
         P = self.state_probabilities(rows.measured)
-        pairs = pair_probabilities(P, self._contexts_of(numbers))
-        return PlanningModel().fit(rows, states=P, memberships=pairs, values=self.graph_.values(VALUE_TIME))
+        return PlanningModel().fit(rows, memberships=P, values=self.graph_.values(VALUE_TIME))
 
-    def transitions(
-        self, demonstrations: Sequence[Demonstration], rng: np.random.Generator
-    ) -> tuple[Transitions, NDArray[np.intp]]:
-        """What followed each sample of demonstrations, with noise of the sensor, and the demonstration of each."""
+    def _transitions(self, demonstrations: Sequence[Demonstration]) -> Transitions:
+        """What followed each sample of demonstrations, with noise of the sensor."""
+        rng = noise_stream(self.random_state, PLANNING)
         noisy = [self.sample_settings().with_noise(demonstration.samples, rng) for demonstration in demonstrations]
         series = [observed_series(samples) for samples in noisy]
         labels = [self.states_.predict(self.state_features_.transform_demonstration(samples)) for samples in noisy]
@@ -243,28 +214,20 @@ class ManipulationSkill:
         features, K = self._response_features(), self.n_states
         return transitions(series, labels, good, features, n_states=K, period=self.period_)
 
-    def _contexts_of(self, numbers: NDArray[np.intp]) -> Array:
-        """Probabilities of the contexts (n, C) of demonstrations, by their numbers (n,)."""
-        return np.ones((len(numbers), 1)) if self.contexts_ is None else self.contexts_.probabilities_of(numbers)
-
     def sample_settings(self) -> SampleSettings:
         """How this skill makes its samples from demonstrations."""
         return SampleSettings(**{f.name: getattr(self, f.name) for f in fields(SampleSettings)})
 
     # ------------------------------------------------------------------- acting
 
-    def estimator(self) -> PairEstimator:
-        """The on-line estimator of contact states, over the measured state features, and contexts."""
+    def estimator(self) -> StateEstimator:
+        """The on-line estimator of contact states, over the measured state features."""
         contacts = ContactStateFilter(self.states_, self.graph_.transition_matrix(), channels=self._measured_channels())
-        contexts = None
-        if self.contexts_ is not None:
-            contexts = ContextFilter(self.contexts_, self._response_features(), self.period_)
-        return PairEstimator(contacts, self.state_features_, contexts)
+        return StateEstimator(contacts, self.state_features_)
 
     def estimate_alone(self, measured: ArrayLike) -> Estimate:
-        """The estimate from one measurement (7,) alone; the contexts have their shares in the demonstrations."""
-        contexts = np.ones(1) if self.contexts_ is None else self.contexts_.weights_
-        return Estimate(self.state_probabilities(_row(measured))[0], contexts)
+        """The estimate from one measurement (7,) alone."""
+        return Estimate(self.state_probabilities(_row(measured))[0])
 
     def _response_features(self) -> ResponseFeatures:
         geometry = PegHoleGeometry.find(self.metadata_, "the skill")
@@ -296,7 +259,7 @@ class ManipulationSkill:
         row = _row(measured)
         X = self.features_.transform(row)
         found = self.estimate_alone(measured) if estimate is None else estimate
-        return Query(row, X, _row(found.states), _row(found.contexts))
+        return Query(row, X, _row(found.states))
 
     def _action(self, query: Query, prediction: Prediction) -> Action:
         local = self.features_.actions_from_frame(query.row, prediction.action[None])[0]
@@ -310,7 +273,7 @@ class ManipulationSkill:
 
     def imitation(self) -> Imitation:
         """Returns what predicts the actions from the features."""
-        parts = self.regressor_, self.sources_, self.contexts_, self.min_log_support_
+        parts = self.regressor_, self.sources_, self.min_log_support_
         if any(new is not old for new, old in zip(parts, self._imitation_parts, strict=True)):
             self._imitation, self._imitation_parts = Imitation(*parts), parts
         return self._imitation
@@ -334,8 +297,7 @@ class ManipulationSkill:
             )
         query = self._query(measured, estimate)
         prediction = self._predictor().predict(query)
-        pairs = pair_probabilities(query.P, prediction.contexts)
-        local = self.regressor_.explain(query.X[0], pairs[0], level)
+        local = self.regressor_.explain(query.X[0], query.P[0], level)
         angle = float(self.features_.rotation_angle(query.row)[0])
         action = self._action(query, prediction)
         return SkillExplanation(query, prediction, action, local, self.sources_, self.state_names(), angle)
@@ -369,7 +331,6 @@ class ManipulationSkill:
                 "states": self.states_,
                 "regressor": self.regressor_,
                 "graph": self.graph_,
-                "contexts": self.contexts_,
                 "planning": self.planning_,
             },
             sources=self.sources_,

@@ -19,7 +19,7 @@ class Action:
     Attributes:
         turn: (2,), rotation vector of the peg relative to the hole about x and y of P, rad.
         feed: motion of the peg along its axis, m; negative goes into the hole.
-        support: kernel weight of the nearest sample of the most probable context over the minimum that demonstrated
+        support: kernel weight of the nearest sample over the minimum that demonstrated
             samples find in the other demonstrations, at most 1. A policy that does not report its support has 1.
         spin: turn of the peg relative to the hole about z of P, rad; a rig without clocking stage cannot do it.
     """

@@ -30,7 +30,6 @@ from skill.features.responses import N_INPUTS, N_OUTPUTS
 from skill.features.wrench_features import CanonicalFeatures, NormalisedFeatures, RawFeatures, WrenchFeatures
 from skill.planning.planning_model import PlanningModel
 from skill.regression.locally_weighted_regression import LWRegressor
-from skill.states.context_mixture import ContextMixture
 from skill.states.state_graph import StateGraph
 
 SKILL_VERSION = 9
@@ -136,7 +135,7 @@ ARRAY_PARTS: dict[str, type[ArrayPart]] = {
 }
 """The parts that are stored as arrays, each of this type. An array is named "part/array"."""
 
-OPTIONAL_PARTS: dict[str, type[ArrayPart]] = {"contexts": ContextMixture, "planning": PlanningModel}
+OPTIONAL_PARTS: dict[str, type[ArrayPart]] = {"planning": PlanningModel}
 """The parts that may be None, and are then not stored; otherwise as ``ARRAY_PARTS``."""
 
 
@@ -278,7 +277,7 @@ def _check_header(header: Mapping[str, Any]) -> None:
     _check_entries(header, ENTRIES, "entries of the header", complete=True)
     _check_entries(header["parameters"], PARAMETERS, "parameters", complete=False)
     PegHoleGeometry.find(header["metadata"], "header")
-    for name in ("demonstrations", "good", "practice_trials", "max_contexts"):
+    for name in ("demonstrations", "good", "practice_trials"):
         count = header["metadata"].get(name, 1)
         if type(count) is not int or not 1 <= count <= MAX_MAGNITUDE:
             raise ValueError(f"header: metadata '{name}' is {count!r}, expected a positive integer of at most 1e12")
@@ -307,7 +306,7 @@ def _check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, 
         sources: (n, 2), demonstration number and time (s) of each sample of the regressor.
         header: the header of the file.
     """
-    states, regressor, graph, contexts = (parts[name] for name in ("states", "regressor", "graph", "contexts"))
+    states, regressor, graph = (parts[name] for name in ("states", "regressor", "graph"))
     measured = len(parts["state_features"].get_feature_names_out())
     channels = measured + len(parts["state_features"].hidden_names())
     features = len(parts["features"].get_feature_names_out())
@@ -319,7 +318,7 @@ def _check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, 
         ("graph: number of states", len(graph.visits_), K),
         ("regressor: number of features", regressor.X_.shape[1], features),
         ("regressor: number of outputs", regressor.y_.shape[1], N_ACTIONS[bool(header["metadata"].get("clocking"))]),
-        ("regressor: number of states and contexts", P.shape[1], K * (1 if contexts is None else contexts.n_contexts_)),
+        ("regressor: number of states", P.shape[1], K),
         ("sources: number of samples", len(sources), len(regressor.X_)),
     ):
         if found != expected:
@@ -331,20 +330,14 @@ def _check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, 
     largest = float(np.abs(regressor.y_).max())
     if largest > MAX_ACTION:
         raise ValueError(f"regressor: array 'y' goes up to {largest:g} rad or m, expected at most {MAX_ACTION:g}")
-    if contexts is not None:
-        shape = tuple(len(spread) for spread in contexts.scales_)
-        if shape != (features, N_INPUTS, N_OUTPUTS):
-            raise ValueError(
-                f"contexts: {shape} features, inputs and outputs, expected {(features, N_INPUTS, N_OUTPUTS)}"
-            )
     planning, plans = parts["planning"], header["parameters"].get("policy") == "plan"
     if (planning is not None) != plans:
         raise ValueError(f"planning: {'missing' if plans else 'unexpected'} for this policy")
     if planning is not None:
-        sizes = [*(len(spread) for spread in planning.scales_), len(planning.lower_), planning.memberships_.shape[1]]
-        of_skill = [features, N_INPUTS, N_OUTPUTS, K, P.shape[1]]
+        sizes = [*(len(spread) for spread in planning.scales_), len(planning.lower_)]
+        of_skill = [features, N_INPUTS, N_OUTPUTS, K]
         if sizes != of_skill:
-            raise ValueError(f"planning: {sizes} features, inputs, outputs, states and pairs, expected {of_skill}")
+            raise ValueError(f"planning: {sizes} features, inputs, outputs and states, expected {of_skill}")
     names = header["names"]
     if names is not None and len(names) < K:
         raise ValueError(f"header: {len(names)} names, expected one for each of {K} states")

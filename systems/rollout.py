@@ -255,9 +255,9 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
         acts = time == ticks[3] * periods[3]
         if logs or acts:
             measured[:6], measured[6] = wrench, -sound
-            answer = skill_step(skill, memory, measured, guard[PITCH], guard[YAW])
+            answer = skill_step(skill, memory, measured)
         if logs:
-            rows[n_rows, :27] = np.array(  # in the order of `LOGGED_COLUMNS`, in tuples short enough for numba
+            rows[n_rows, :24] = np.array(  # in the order of `LOGGED_COLUMNS`, in tuples short enough for numba
                 (
                     time, wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5], sound,
                     float(answer.state), 1.0 if answer.known else 0.0,
@@ -266,11 +266,10 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
                     axes[0, stepper_motor.TAKEN], axes[0, stepper_motor.LOST],
                     axes[1, stepper_motor.TAKEN], axes[1, stepper_motor.LOST],
                     q[0] - rig.home, q[3], q[4],
-                    float(answer.context), answer.context_probability, answer.context_evidence,
                     control.turning,
                 )
             )  # fmt: skip
-            rows[n_rows, 27:] = np.array(
+            rows[n_rows, 24:] = np.array(
                 (guard[CLOCKING], axes[2, stepper_motor.TAKEN], axes[2, stepper_motor.LOST], q[5])
             )
             n_rows += 1

@@ -13,7 +13,7 @@ import pandas as pd
 
 from skill.data.demonstration import COLUMNS, Demonstration
 from skill.data.outcome import Outcome
-from skill.data.rig_run import CONTEXT_COLUMNS, RUN_COLUMNS, RigRun
+from skill.data.rig_run import RUN_COLUMNS, RigRun
 
 GEOMETRY = {
     "peg_radius": 0.010,
@@ -92,7 +92,6 @@ def make_rig_run(*, tilt: float = np.radians(3.0), **metadata: Any) -> RigRun:
     samples["fz"] = 0.2 * push + 0.05 * rng.standard_normal(len(time))
     lever = np.maximum(-z, 0.0) / 2
     samples["mx"], samples["my"] = -lever * samples["fy"], lever * samples["fx"]
-    samples[list(CONTEXT_COLUMNS)] = np.column_stack([time > 0.5, np.where(time > 0.5, 0.97, 0.6), time > 0.5])
     turning = np.select([samples["back_off"] > 0, time > 0.95], [0.0, -1.0], default=1.0)
     samples["turning"] = turning
     below = np.minimum(z, 0.0)

@@ -196,7 +196,7 @@ class BareRegressor:
 
 
 class Extrapolating(ManipulationSkill):
-    """The skill that follows a context everywhere, and turns as the regression says, however far it extrapolates."""
+    """The skill that turns as the regression says, however far it extrapolates."""
 
     def imitation(self) -> Imitation:
         """What predicts the actions, with the same regressor."""

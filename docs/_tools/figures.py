@@ -388,16 +388,6 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
         ("it then inserts in [{} of {} trials]",
          corrected.inserted.agg(["sum", "size"])),
     ],
-    "docs/contexts.md": [
-        ("| Drake | exact | {}, {} of 400 | {}, {} of 400 | {}, {} |",
-         [*inserted(with_contexts.query("policy == 'skill with contexts'")), *inserted(alone_exact), *contexts_harder.iloc[0]]),
-        ("| exact | exact | {}, {} of 400 | {}, {} of 400 | {}, {} (nine",
-         [*inserted(with_contexts.query("policy != 'skill with contexts'")), *inserted(shown_exact), *contexts_harder.iloc[1]]),
-        ("({} of the {} with set 970)",
-         [word(contexts.iloc[-1].gains[0]), contexts_harder.iloc[1].better]),
-        ("neither in insertions (p {0:.2f}) nor in time ({3:.2f} to {2:.2f} s less on average, p {1:.2f} or more;",
-         [contexts.p.min(), contexts.p_time.min(), *-contexts.slower.agg(["min", "max"])]),
-    ],
     "docs/planning.md": [
         ("| {0} | {1:.0f} of 200 | {9:.0f} % ({2:.0f} to {3:.0f}) | {4:.0f} % | {5:.2f} s | {6} | {7:.1f} N | {8} |",
          planned_table),

@@ -66,14 +66,12 @@ class MadePolicy:
         train_s: CPU time of the making, s; None for a skill that was loaded.
         query_ms: median time of a decision over measurements of demonstrations, ms; None without any.
         demonstrations: number that it learnt from; None if it learnt from none or does not say.
-        contexts: weights of its contexts, such as "0.88, 0.12"; None if it does not say.
     """
 
     policy: RigPolicy
     train_s: float | None
     query_ms: float | None
     demonstrations: int | None
-    contexts: str | None
 
 
 @dataclass(frozen=True)
@@ -211,14 +209,7 @@ def _made(plan: PolicyPlan, training_context: TrainingContext) -> MadePolicy:
         train_s=trained,
         query_ms=query_time(policy, training_context.demonstrations) if training_context.demonstrations else None,
         demonstrations=found if isinstance(found, int) else None,
-        contexts=context_weights(policy),
     )
-
-
-def context_weights(policy: RigPolicy) -> str | None:
-    """Returns the weights of the contexts of a policy, as in `MadePolicy`."""
-    weights = policy.metadata_.get("contexts")
-    return None if weights is None else ", ".join(f"{weight:.2f}" for weight in weights)
 
 
 def chosen(plan: PolicyPlan, paths: list[Path]) -> list[Demonstration]:

@@ -22,7 +22,6 @@ from experiments.sweeps.policies import (
     MadePolicy,
     TrainingContext,
     chosen,
-    context_weights,
     imported,
     make_policy,
     named_packages,
@@ -209,7 +208,6 @@ class PolicyStore:
                     notes = {
                         **{"policy": source.plan.name, "law": law, "train_s": made.train_s},
                         **{"query_ms": made.query_ms, "demonstrations": made.demonstrations},
-                        "contexts": made.contexts,
                     }
                     write_atomically(self._notes(source), json.dumps(notes).encode())
                 return
@@ -224,13 +222,13 @@ class PolicyStore:
         if source.given is not None:
             policy = source.given.load()
             shown = policy.metadata_.get("demonstrations")
-            notes = {"train_s": None, "query_ms": None, "demonstrations": shown, "contexts": context_weights(policy)}
+            notes = {"train_s": None, "query_ms": None, "demonstrations": shown}
         else:
             notes = parse_object(self._notes(source).read_bytes())
             law = notes.get("law")
             policy = ManipulationSkill.load(self._skill_file(source.digest)) if law is None else _remade(law, source)
         policy = CarriedOver(policy) if source.plan.carried_over else policy
-        return MadePolicy(policy, notes["train_s"], notes["query_ms"], notes["demonstrations"], notes["contexts"])
+        return MadePolicy(policy, notes["train_s"], notes["query_ms"], notes["demonstrations"])
 
 
 def _law(policy: RigPolicy) -> dict[str, Any] | None:

@@ -34,7 +34,7 @@ SCHEMA = pa.schema(
         *(("outcome", pa.string()), ("fault", pa.string()), ("reason", pa.string()), ("trusted", pa.bool_())),
         *((name, pa.float64()) for name in MEASURED_NUMBERS),
         *((name, pa.int64()) for name in COUNTS),
-        *(("skill", pa.string()), ("states", pa.int64()), ("contexts", pa.string())),
+        *(("skill", pa.string()), ("states", pa.int64())),
         *(("demonstration_set", pa.int64()), ("demonstrations", pa.int64())),
         *(("train_s", pa.float64()), ("query_ms", pa.float64()), ("cpu_s", pa.float64())),
         *((name, pa.float64()) for name in ("friction", "pivot_mm", "peg_radius_mm", "hole_radius_mm", "clearance")),

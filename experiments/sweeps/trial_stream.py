@@ -201,7 +201,6 @@ class TrialStream:
             known = {
                 "skill": assignment.policy.digest,
                 "demonstrations": policy.demonstrations,
-                "contexts": policy.contexts,
                 "demonstration_set": None if taught_by is None else taught_by.seed,
                 "train_s": policy.train_s,
                 "query_ms": policy.query_ms,

@@ -124,10 +124,8 @@ def demonstration_features(skill: ManipulationSkill | None) -> dict[str, Feature
         recorded=COLUMNS,
     )
     if skill is not None:
-        contexts = tuple(f"context {k}" for k in range(len(skill.estimator().initial().contexts)))
         names = tuple(skill.state_names())
         features["contact_state"] = Feature("int64", frame="most probable state, causal", labels=names)
-        features["context"] = Feature("int64", frame="most probable context, causal", labels=contexts)
     return features
 
 
@@ -137,7 +135,7 @@ def demonstration_episode(demonstration: Demonstration, name: str, skill: Manipu
     Args:
         demonstration: to convert.
         name: of its file.
-        skill: estimates the contact states and contexts from the samples so far, as on the rig, but from the wrench of
+        skill: estimates the contact states from the samples so far, as on the rig, but from the wrench of
             the recording, without the noise of a sensor; None for none.
 
     Raises:
@@ -161,7 +159,6 @@ def demonstration_episode(demonstration: Demonstration, name: str, skill: Manipu
             raise ValueError(f"{name}: another peg or hole than that of the skill; expected a skill for this one")
         found = list(estimates(skill.estimator(), observed_series(samples)))
         columns["contact_state"] = np.array([estimate.state for estimate in found], dtype=np.int64)
-        columns["context"] = np.array([estimate.context for estimate in found], dtype=np.int64)
     header = {"good": demonstration.good, "outcome": demonstration.reason, "metadata": demonstration.metadata}
     return Episode(name, str(demonstration.outcome), columns, header)
 
@@ -177,7 +174,6 @@ def run_features(run: RigRun) -> dict[str, Feature]:
     )
     names = tuple(str(name) for name in run.metadata.get("state_names") or ())
     features["contact_state"] = Feature("int64", frame="estimated on the rig", labels=names)
-    features["context"] = Feature("int64", frame="estimated on the rig")
     return features
 
 
@@ -196,7 +192,6 @@ def run_episode(run: RigRun, name: str) -> Episode:
         recorded=RUN_COLUMNS,
     )
     columns["contact_state"] = samples["state"].to_numpy(dtype=np.int64)
-    columns["context"] = samples["context"].to_numpy(dtype=np.int64)
     return Episode(name, str(outcome), columns, {"result": run.result, "metadata": run.metadata})
 
 

@@ -68,7 +68,6 @@ NUMBER, WHOLE, TEXT, FLAG = ({"type": kind} for kind in ("number", "integer", "s
 
 JSON_TYPES: dict[str, dict[str, dict[str, str]]] = {
     "haptic_skill.ContactState": {"number": WHOLE, "name": TEXT, "known": FLAG},
-    "haptic_skill.Context": {"number": WHOLE, "probability": NUMBER, "evidence": NUMBER},
     "haptic_skill.RigCommand": {
         **dict.fromkeys(("target_pitch", "target_yaw", "target_clocking", "feed_speed", "support"), NUMBER),
         **{"back_off": FLAG, "turning": NUMBER},
@@ -150,8 +149,6 @@ def _run_messages(run: RigRun) -> Iterator[_Message]:
         state = int(row["state"])
         name = names[state] if state < len(names) else str(state)
         yield _state(time, "/contact_state", state, name, known=row["known"] > 0.5)
-        context = {"probability": row["context_probability"], "evidence": row["context_evidence"]}
-        yield _Message(time, "/context", "haptic_skill.Context", {"number": int(row["context"]), **context})
         command = {name: row[name] for name in JSON_TYPES["haptic_skill.RigCommand"]}
         command["back_off"] = row["back_off"] > 0.5
         yield _Message(time, "/command", "haptic_skill.RigCommand", command)

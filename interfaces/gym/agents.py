@@ -39,7 +39,7 @@ class PolicyAgent:
     def act(self, observation: Mapping[str, Array]) -> Array:
         """Returns turn rates, feed speed and support (4,) or (5,) for an observation of the kind "dict"."""
         measured = measurement(observation["wrench"], observation["depth"][0])
-        action = self._policy.act(measured, Estimate(observation["probabilities"], observation["contexts"]))
+        action = self._policy.act(measured, Estimate(observation["probabilities"]))
         period = self._policy.period_
         turn = np.append(action.turn, action.spin)[: len(observation["angles"])]
         return np.array([*(turn / period), action.feed / period, action.support])

@@ -66,14 +66,14 @@ class Episode:
     def observation(self) -> Observation:
         """Returns what the rig measures, estimates and commands now.
 
-        `observation_space` has the parts and their units; here are always ``probabilities`` and ``contexts`` too.
+        `observation_space` has the parts and their units; here are always ``probabilities`` too.
         """
         rig = self._rig
         context = rig.law.controller.GetMyContextFromRoot(self._context)
         inputs = {"wrench": "policy_wrench", "depth": "depth"}
         found = {name: np.array(rig.law.controller.GetInputPort(port).Eval(context)) for name, port in inputs.items()}
         estimate: Estimate = rig.law.controller.GetInputPort("estimate").Eval(context)
-        found |= {"probabilities": estimate.states, "contexts": estimate.contexts}
+        found["probabilities"] = estimate.states
         modes = [rig.law.controller.GetOutputPort(name).Eval(context)[0] for name in ("turning", "back_off")]
         guard = rig.law.force_guard.GetMyContextFromRoot(self._context)
         commands = [f"target_{axis}" for axis in stepper_axes(self._scenario)]

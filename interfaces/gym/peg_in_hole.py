@@ -66,7 +66,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         arm: which trials, "default" or "stress" (`Arm`).
         observation: "dict" or "flat".
         reward: "dense" or "sparse".
-        policy: whose contact states and contexts the estimators on the rig follow, as in a trial of this policy. The
+        policy: whose contact states the estimator on the rig follows, as in a trial of this policy. The
             back-off uses them, and the observation has them. The action then has a fourth number, the support. None is
             one state that is always known, and a support of 1.
         labels: whether ``info`` has the contact label, which adds half to the time of a step.

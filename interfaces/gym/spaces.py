@@ -33,7 +33,6 @@ def observation_space(scenario: Scenario, policy: RigPolicy | None) -> spaces.Di
     and with a policy, what its estimators on the rig find,
 
     * ``probabilities`` (K,) of its contact states;
-    * ``contexts`` (C,), probabilities of its contexts.
 
     The bounds follow from the range of the sensor and from the limits of the controller.
     """
@@ -46,9 +45,7 @@ def observation_space(scenario: Scenario, policy: RigPolicy | None) -> spaces.Di
     fastest = controller.max_feed_speed + controller.back_off.retract_speed
     estimator = None if policy is None else policy.estimator()
     estimate = Estimate() if estimator is None else estimator.initial()
-    parts = (
-        {} if policy is None else {"probabilities": _shares(estimate.states), "contexts": _shares(estimate.contexts)}
-    )
+    parts = {} if policy is None else {"probabilities": _shares(estimate.states)}
     return spaces.Dict(
         {
             **parts,

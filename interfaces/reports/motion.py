@@ -18,7 +18,7 @@ from skill.arrays import Array
 from skill.data.axes import AXES
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.geometry import PegHoleGeometry
-from skill.data.rig_run import CONTACT_COLUMNS, CONTEXT_COLUMNS, ContactPlace, RigRun, read_rig_run
+from skill.data.rig_run import CONTACT_COLUMNS, ContactPlace, RigRun, read_rig_run
 from skill.data.tables import stored_kind
 from skill.features.measurement import contact_loads
 from skill.states.state_style import state_colours, state_labels
@@ -57,7 +57,6 @@ class Motion:
         geometry: sizes of peg and hole.
         contact_points: (n, 3, 3), points of the contacts in W, m, in the order of `ContactPlace`; None if unknown.
         contact_forces: (n, 3, 3), their normal forces on the peg in W, N, zero without contact; None if unknown.
-        contexts: (n, 3), the columns ``CONTEXT_COLUMNS``; None if the policy has a single context.
     """
 
     kind: str
@@ -81,7 +80,6 @@ class Motion:
     geometry: PegHoleGeometry
     contact_points: Array | None = None
     contact_forces: Array | None = None
-    contexts: Array | None = None
 
     @property
     def lean(self) -> Array:
@@ -235,15 +233,7 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
         steps=np.rint(_columns(samples, *(f"{axis}_taken" for axis in axes))).astype(np.int64),
         geometry=geometry,
         **_contacts(samples),
-        contexts=_contexts(samples),
     )
-
-
-def _contexts(samples: pd.DataFrame) -> Array | None:
-    """The context of a run; None for a policy with a single one."""
-    if (samples["context_probability"] == 1.0).all():
-        return None
-    return _columns(samples, *CONTEXT_COLUMNS)
 
 
 def _contacts(samples: pd.DataFrame) -> dict[str, Array]:

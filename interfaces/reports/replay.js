@@ -77,7 +77,6 @@ for (const command of sceneCommands) {
     byId("dial-ring").textContent = ringStep + "\u00b0";
     byId("contact-scale").textContent = "each contact on the peg, 10 mm = " + data.force_scale;
     if (!data.back_off) document.querySelectorAll(".rig").forEach(row => row.remove());
-    if (!data.context) document.querySelectorAll(".context").forEach(row => row.remove());
     if (!data.contacts) document.querySelectorAll(".contacts").forEach(element => element.remove());
   }
 
@@ -102,8 +101,7 @@ for (const command of sceneCommands) {
 
   // ------------------------------------------------------------ timeline
 
-  const MARGIN = 4, STRIP_HEIGHT = 12, LABEL_HEIGHT = 14, CONTEXT_HEIGHT = 11;  // pixels
-  const CONTEXT_COLOURS = ["#332288", "#DDAA33", "#117733"];
+  const MARGIN = 4, STRIP_HEIGHT = 12, LABEL_HEIGHT = 14;  // pixels
   const push = data.back_off ? data.load : data.force;  // the curve in the colour of the force, N
   const maxPush = Math.max(...push, data.limit ?? 0, 1e-9);
   const minDepth = Math.min(0, ...data.depth), maxDepth = Math.max(...data.depth);
@@ -115,7 +113,6 @@ for (const command of sceneCommands) {
     const xOf = t => MARGIN + (width - 2 * MARGIN) * t / endTime;
     const chart = { context, width, height, top, bottom, xOf };
     drawPhases(chart);
-    if (data.context) drawContext(chart);
     if (data.back_off) drawBackOffs(chart);
     drawCurves(chart);
     if (data.steps) drawSteps(chart);
@@ -137,33 +134,6 @@ for (const command of sceneCommands) {
       context.globalAlpha = 1;
       start = next;
     }
-  }
-
-  /** Draws a band above the strip: how probable the most probable context is, with a letter where it changes. */
-  function drawContext({ context, bottom, xOf }) {
-    const top = bottom - CONTEXT_HEIGHT;
-    let last = null;
-    for (let k = 0; k < sampleCount; k++) {
-      const left = xOf(data.time[k]), right = xOf(data.time[Math.min(k + 1, sampleCount - 1)]);
-      context.fillStyle = CONTEXT_COLOURS[data.context[k] % CONTEXT_COLOURS.length];
-      context.globalAlpha = 0.15 + 0.85 * contextCertainty(k);
-      context.fillRect(left, top, Math.max(right - left, 0.5), CONTEXT_HEIGHT - 3);
-      context.globalAlpha = 1;
-      if (data.context[k] !== last) {
-        context.textAlign = "left";
-        drawText(context, contextName(k), left + 2, top - 2, INK);
-        last = data.context[k];
-      }
-    }
-  }
-
-  /** 0 where the two leading contexts may be equally probable, 1 where one is certain. */
-  function contextCertainty(sample) {
-    return Math.max(0, 2 * data.context_probability[sample] - 1);
-  }
-
-  function contextName(sample) {
-    return String.fromCharCode(65 + data.context[sample]);
   }
 
   /** Marks the samples in which the peg is backed off and, pale, those in which the turns are reversed. */
@@ -216,7 +186,6 @@ for (const command of sceneCommands) {
     if (data.back_off && data.back_off.some(Boolean)) {
       marks.push("\u25ac backs off" + (data.reversed.some(Boolean) ? ", pale: turns reversed" : ""));
     }
-    if (data.context) marks.push("\u25a0 context, pale: unsure");
     if (data.steps) marks.push("\u2758 steps of " + AXES.slice(0, data.steps.length).join(", "));
     context.textAlign = "left";
     drawText(context, depth, MARGIN, 10, INK);
@@ -324,11 +293,6 @@ for (const command of sceneCommands) {
     byId("reading-load").textContent = formatNumber(load, 1) + " of " + formatNumber(limit, 0) + " N";
     byId("load-bar").className = load > limit ? "over" : "";
     byId("load-bar").firstChild.style.width = Math.min(100, 100 * load / limit) + "%";
-    if (data.context) {
-      const moved = data.context_evidence[sample], sign = moved < 0 ? "\u2212" : "+";
-      byId("reading-context").textContent = contextName(sample) + " " +
-        formatNumber(100 * data.context_probability[sample], 0) + " % (" + sign + formatNumber(Math.abs(moved), 1) + ")";
-    }
     byId("reading-back-off").textContent = data.back_off[sample] ? "backing off"
       : data.reversed[sample] ? "turns reversed" : "inactive";
     byId("reading-steps").textContent = data.steps.map((taken) => taken[sample]).join(", ");

@@ -95,9 +95,6 @@ def _overlay_data(motion: Motion, title: str, speed: float) -> dict[str, Any]:
         "load": _rounded(motion.load, 4),
         "limit": motion.force_limit,
         "steps": None if motion.steps is None else motion.steps.T.tolist(),
-        "context": None if motion.contexts is None else motion.contexts[:, 0].astype(int).tolist(),
-        "context_probability": None if motion.contexts is None else _rounded(motion.contexts[:, 1], 4),
-        "context_evidence": None if motion.contexts is None else _rounded(motion.contexts[:, 2], 3),
         "force_colour": f"#{FORCE_COLOUR:06X}",
         "contacts": None
         if motion.contact_forces is None

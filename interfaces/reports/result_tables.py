@@ -94,21 +94,6 @@ def state_table(skill: ManipulationSkill) -> Table:
     return table
 
 
-SMALL_SHARE = 0.2
-"""A context with a smaller part of the demonstrations is often no side, but a peculiarity of these demonstrations."""
-
-
-def context_line(skill: ManipulationSkill) -> str:
-    """How many contexts a skill has, how many demonstrations each of them, and what to show if that is too few."""
-    more = "more demonstrations, or `haptic-skill correct`, may tell sides apart"
-    if skill.contexts_ is None:
-        return f"a single context: forces answer to own motions alike in all good demonstrations; {more}"
-    sizes = np.bincount(skill.contexts_.responsibilities_.argmax(axis=1), minlength=skill.contexts_.n_contexts_)
-    listed = ", ".join(f"{chr(65 + k)} in {size}" for k, size in enumerate(sizes))
-    line = f"{len(sizes)} contexts, by how the forces answer to own motions: {listed} good demonstrations"
-    return line if sizes.min() >= SMALL_SHARE * sizes.sum() else f"{line}; {more}"
-
-
 def discovered_table(states: Sequence[StateSummary]) -> Table:
     """One row per state that was discovered in recordings."""
     table = plain_table("contact states")

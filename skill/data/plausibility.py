@@ -161,8 +161,7 @@ def check_run(samples: pd.DataFrame, geometry: PegHoleGeometry | None, states: i
     _check_columns(samples, dict.fromkeys(contact_columns(samples), Limits(-MAX_FORCE, MAX_FORCE, "N")), where)
     whole = {"state": Limits(0.0, 1e3 if states is None else states - 1.0, "", f"{states or 'no'} state names")}
     whole |= {"known": flag, "back_off": flag, "fault": Limits(0.0, 1e3)}
-    whole |= {"context": Limits(0.0, 1e3), "turning": Limits(-1.0, 1.0)}
-    _check_columns(samples, {"context_probability": flag, "context_evidence": Limits(-1e6, 1e6)}, where)
+    whole |= {"turning": Limits(-1.0, 1.0)}
     whole |= dict.fromkeys([f"{a}_{t}" for t in ("taken", "lost") for a in AXES], count)
     _check_columns(samples, whole, where)
     for name in whole:

@@ -10,9 +10,6 @@ fx fy fz                              N      measured contact force on the peg
 mx my mz                              N m    measured contact moment about the tip
 depth                                 m      measured depth of the tip below the mouth
 state                                 1      number of the estimated contact state
-context                               1      number of the most probable context, from 0
-context_probability                   1      its probability
-context_evidence                      1      what the measurement added to the logarithm of its odds
 known                                 1      1 where the measurement lies within the gate of the state, else 0
 target_pitch target_yaw               rad    commanded angles of the hole, relative to its start
 target_clocking                       rad    likewise, about its axis; this axis is zero without a clocking stage
@@ -49,14 +46,11 @@ from skill.data.plausibility import check_run
 from skill.data.run_result import check_result, outcome_of, shortened
 from skill.data.tables import read_table, validate_table, write_table
 
-CONTEXT_COLUMNS = ("context", "context_probability", "context_evidence")
-
 LOGGED_COLUMNS = (
     *("time", "fx", "fy", "fz", "mx", "my", "mz", "depth", "state", "known"),
     *("target_pitch", "target_yaw", "feed_speed", "back_off", "support", "fault"),
     *("pitch_taken", "pitch_lost", "yaw_taken", "yaw_lost"),
     *("tip_z", "pitch", "yaw"),
-    *CONTEXT_COLUMNS,
     "turning",
     *("target_clocking", "clocking_taken", "clocking_lost", "clocking"),
 )
@@ -77,7 +71,7 @@ CONTACT_COLUMNS = tuple(
 
 RUN_COLUMNS = (*LOGGED_COLUMNS, *CONTACT_COLUMNS)
 
-RUN_VERSION = 7
+RUN_VERSION = 8
 """Version of the files that are written and read."""
 
 

@@ -1,4 +1,4 @@
-"""How a measurement answers to an own motion: what a policy's contexts are found and recognised by.
+"""How a measurement answers to an own motion: what a planner learns and predicts.
 
 An observation is a measurement (`MEASURED`) and the own turn: the rotation vector (about x and y of P, rad) by which
 own motions have turned the peg relative to the hole since the start. On the rig it is minus the commanded angles of the
@@ -7,36 +7,24 @@ hole, in demonstrations the sum of the recorded turns.
 Between two observations a ``HORIZON`` apart, in the frame of the features of the first one,
 
     u = (turn_x, turn_y, feed),    y = (change of fx, fy, mx / r, my / r, fz).
-
-Near the mouth the answer tells where the peg turns about: with the pivot of the gimbal on either side of the contact, a
-feed and a turn change the lateral force in opposite ways. The force itself does not tell this.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skill.arrays import Array
 from skill.compiled import compiled
 from skill.features.canonical_frame import turned
-from skill.features.measurement import load_of_components
 from skill.features.wrench_features import MEASURED, WrenchFeatures
 
 HORIZON = 0.1
 """Time between the two observations, s: long for the noise of the sensor, short for the motion of the contact."""
 
-MIN_LOAD = 1.0
-"""N; a smaller load at the first observation is noise, or free motion."""
-
-MAX_DEPTH = 0.8
-"""Largest depth of the first observation, in units of the peg radius. Deeper answers hide where the peg turns about."""
-
-N_OBSERVED, N_INPUTS, N_OUTPUTS = len(MEASURED) + 2, 3, 5
-"""Lengths of an observation, of u and of y."""
+N_INPUTS, N_OUTPUTS = 3, 5
+"""Lengths of u and of y."""
 
 
 def observations(measured: Array, turned: Array) -> Array:
@@ -67,14 +55,6 @@ class Responses:
     outputs: Array
 
 
-def joined(responses: Mapping[int, Responses]) -> tuple[Responses, NDArray[np.intp]]:
-    """Joins the responses of demonstrations, by their numbers; returns them, and the number of each row, (n,)."""
-    parts = list(responses.values())
-    numbers = np.repeat(list(responses), [len(part.features) for part in parts])
-    rows = {name: np.vstack([getattr(part, name) for part in parts]) for name in ("features", "inputs", "outputs")}
-    return Responses(**rows), numbers
-
-
 LOADS = ("fx", "fy", "mx / r", "my / r", "fz")
 """The outputs: the components of the wrench, N, with the lateral moments over the peg radius."""
 
@@ -90,10 +70,6 @@ class ResponseFeatures:
 
     features: WrenchFeatures
     peg_radius: float
-
-    def informative(self, before: Array) -> NDArray[np.bool_]:
-        """Returns whether the answers after observations (n, 9) tell contexts apart: under load, near the mouth."""
-        return np.array([is_informative(row, self.peg_radius) for row in np.ascontiguousarray(before)], dtype=bool)
 
     def between(self, before: Array, after: Array) -> Responses:
         """Returns the responses between pairs of observations (n, 9)."""
@@ -113,20 +89,6 @@ class ResponseFeatures:
         """Returns the ``LOADS`` (n, 5) of wrenches (n, 6 or more) in frames at angles (n,), rad, from P about z."""
         rows = zip(np.ascontiguousarray(wrenches), angles, strict=True)
         return np.reshape([turned_loads(row, angle, self.peg_radius) for row, angle in rows], (-1, N_OUTPUTS))
-
-    def of_series(self, observations: Array, period: float) -> Responses:
-        """Returns the responses that tell contexts apart in a series of observations (n, 9), ``period`` (s) apart."""
-        steps = horizon_steps(period)
-        first = np.arange(max(0, len(observations) - steps))
-        first = first[self.informative(observations[first])]
-        return self.between(observations[first], observations[first + steps])
-
-
-@compiled
-def is_informative(before: Array, peg_radius: float) -> bool:
-    """Returns whether the answer after an observation (9,) tells contexts apart: under load, near the mouth."""
-    fx, fy, fz, mx, my, mz = before[0], before[1], before[2], before[3], before[4], before[5]
-    return load_of_components(fx, fy, fz, mx, my, mz, peg_radius) >= MIN_LOAD and -before[6] <= MAX_DEPTH * peg_radius
 
 
 @compiled

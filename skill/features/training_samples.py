@@ -1,4 +1,4 @@
-"""The samples that a skill learns from: refined, with the noise of the rig's sensor, and the answers to own motions."""
+"""The samples that a skill learns from: refined, with and with the noise of the rig's sensor."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import pandas as pd
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration
 from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, with_following_actions
-from skill.features.responses import ResponseFeatures, Responses, observations
+from skill.features.responses import observations
 from skill.features.wrench_features import MEASURED
 
-CONTEXTS, PLANNING = 1, 2
-"""Streams of the sensor noise in the samples of the contexts and of the planner."""
+PLANNING = 2
+"""Stream of the sensor noise in the samples of the planner."""
 
 
 def noise_stream(random_state: int | None, stream: int) -> np.random.Generator:
@@ -46,12 +46,6 @@ class SampleSettings:
         sigma = np.repeat([self.force_noise, self.moment_noise], 3)
         noisy[list(MEASURED[:6])] += sigma * rng.standard_normal((len(samples), 6))
         return noisy
-
-    def responses(
-        self, demonstration: Demonstration, features: ResponseFeatures, period: float, rng: np.random.Generator
-    ) -> Responses:
-        """Returns how the measurements of a demonstration answer to its motions, ``period`` (s) apart."""
-        return features.of_series(observed_series(self.with_noise(demonstration.samples, rng)), period)
 
 
 def observed_series(samples: pd.DataFrame) -> Array:

@@ -1,11 +1,9 @@
 """Imitation: the action of the good demonstrations in the same situation.
 
-A regression over the demonstrated samples gives the action. Two things are made safe that a regression does not know:
-
-* The context is followed only as far as it matters here (`skill.regression.partial_pooling`).
-* A turn is not extrapolated. A jammed rig meets larger loads than any demonstration, and the slope of a local linear
-  model, continued there, can cancel or even reverse a turn on which most demonstrations nearby agree. Each turn stays
-  within the central half of what the neighbours did, from the first to the third quartile of their turns.
+A regression over the demonstrated samples gives the action, but a turn is not extrapolated. A jammed rig meets larger
+loads than any demonstration, and the slope of a local linear model, continued there, can cancel or even reverse a turn
+on which most demonstrations nearby agree. Each turn stays within the central half of what the neighbours did, from the
+first to the third quartile of their turns.
 """
 
 from __future__ import annotations
@@ -22,10 +20,7 @@ from skill.arrays import Array
 from skill.compiled import compiled
 from skill.planning.prediction import NearSamples, Prediction, Query
 from skill.regression.locally_weighted_regression import MAX_QUERY, LWRegressor, RegressionNumbers, local_prediction
-from skill.regression.partial_pooling import relevance
 from skill.regression.protocols import Regressor, StateRegressor
-from skill.states.context_filter import pair_probabilities
-from skill.states.context_mixture import ContextMixture
 
 N_TURNS, FEED, SPIN = 2, 2, 3
 """Places of the outputs of the regressor: first turns about x and y, then the feed, and last the turn about z if the
@@ -42,66 +37,43 @@ class Imitation:
     Attributes:
         regressor: the fitted regressor of the actions.
         sources: (n, 2), demonstration number and time (s) of each of its samples.
-        contexts: the contexts of the demonstrations; None if there is one.
         min_log_support: logarithm of the kernel weight below which support is low.
     """
 
     regressor: Regressor
     sources: Array
-    contexts: ContextMixture | None
     min_log_support: float
 
     @cached_property
     def numbers(self) -> ImitationNumbers:
         """The demonstrated samples for compiled functions; the regressor is a `LWRegressor`."""
         assert isinstance(self.regressor, LWRegressor)
-        names, groups = np.unique(self.sources[:, 0], return_inverse=True)
-        shares = np.ones((len(names), 1)) if self.contexts is None else self.contexts.probabilities_of(names)
-        return ImitationNumbers(
-            self.regressor.numbers(), groups.astype(np.int64), np.ascontiguousarray(shares), float(self.min_log_support)
-        )
+        return ImitationNumbers(self.regressor.numbers(), float(self.min_log_support))
 
     def predict(self, query: Query) -> Prediction:
         """Returns the prediction for one query."""
-        regressor, (_, X, P, Q) = self.regressor, query
+        regressor, (_, X, P) = self.regressor, query
         if isinstance(regressor, LWRegressor):
-            numbers = self.numbers
-            pairs, shared = P.size * Q.size, numbers.regressor.search.memberships.shape[1]
-            if pairs != shared or Q.size != numbers.contexts.shape[1]:
-                raise ValueError(
-                    f"an estimate of {P.size} contact states and {Q.size} contexts; expected those of the skill,"
-                    f" {numbers.contexts.shape[1]} contexts and {shared // numbers.contexts.shape[1]} contact states"
-                )
-            found = imitate(numbers, X[0], np.array(P[0]), np.array(Q[0]))
-            return Prediction(
-                found.action,
-                found.support,
-                found.contexts[None],
-                found.relevance,
-                found.limited,
-                NearSamples(found.rows, found.weights),
-            )
+            shared = self.numbers.regressor.search.memberships.shape[1]
+            if P.size != shared:
+                raise ValueError(f"an estimate of {P.size} contact states; expected the {shared} of the skill")
+            found = imitate(self.numbers, X[0], np.array(P[0]))
+            return Prediction(found.action, found.support, found.limited, NearSamples(found.rows, found.weights))
         if isinstance(regressor, StateRegressor):
-            predictions, log_support = regressor.predict_with_support(X, pair_probabilities(P, Q))
-            return Prediction(
-                predictions[0], support_of(self.min_log_support, float(log_support[0]), 1.0), Q, 1.0, False
-            )
-        return Prediction(np.asarray(regressor.predict(X))[0], 1.0, Q, 0.0, limited=False)
+            predictions, log_support = regressor.predict_with_support(X, P)
+            return Prediction(predictions[0], support_of(self.min_log_support, float(log_support[0])), limited=False)
+        return Prediction(np.asarray(regressor.predict(X))[0], 1.0, limited=False)
 
 
 class ImitationNumbers(NamedTuple):
-    """An `Imitation` of G demonstrations for compiled functions.
+    """An `Imitation` for compiled functions.
 
     Attributes:
         regressor: of the actions.
-        groups: (n,), number of the demonstration of each sample, below G.
-        contexts: (G, C), probabilities of the contexts of the demonstrations.
         min_log_support: see `Imitation`.
     """
 
     regressor: RegressionNumbers
-    groups: NDArray[np.int64]
-    contexts: Array
     min_log_support: float
 
 
@@ -111,8 +83,6 @@ class Imitated(NamedTuple):
     Attributes:
         action: (3,) or (4,).
         support: 0 to 1.
-        contexts: (C,), followed.
-        relevance: of the context.
         limited: whether a turn was limited.
         rows: (k,), the samples nearby.
         weights: (k,), their weights, over the greatest.
@@ -120,25 +90,16 @@ class Imitated(NamedTuple):
 
     action: Array
     support: float
-    contexts: Array
-    relevance: float
     limited: bool
     rows: NDArray[np.intp]
     weights: Array
 
 
 @compiled
-def imitate(p: ImitationNumbers, x: Array, states: Array, contexts: Array) -> Imitated:
-    """Returns what the demonstrations do at features (d,) in states and contexts of the probabilities (K,) and (C,)."""
-    C, matters, followed = len(contexts), 1.0, contexts
+def imitate(p: ImitationNumbers, x: Array, states: Array) -> Imitated:
+    """Returns what the demonstrations do at features (d,) in states of the probabilities (K,)."""
     query = np.minimum(np.maximum(x * p.regressor.feature_scale, -MAX_QUERY), MAX_QUERY)
-    if C > 1:
-        any_context = np.full(C, 1.0 / C)
-        _, rows, weights, _ = local_prediction(p.regressor, query, np.outer(states, any_context).ravel())
-        numbers = p.groups[rows]
-        matters = relevance(weights, p.regressor.y[rows, :N_TURNS], numbers, p.contexts[numbers])
-        followed = matters * contexts + (1.0 - matters) * any_context
-    action, rows, weights, log_support = local_prediction(p.regressor, query, np.outer(states, followed).ravel())
+    action, rows, weights, log_support = local_prediction(p.regressor, query, states)
     limited = False
     for i in range(len(action)):
         if i == FEED:
@@ -147,15 +108,13 @@ def imitate(p: ImitationNumbers, x: Array, states: Array, contexts: Array) -> Im
         turn = min(max(action[i], low), high)
         limited = limited or turn != action[i]
         action[i] = turn
-    # Not to know the context, or not to need it, is no lack of samples.
-    support = support_of(p.min_log_support, log_support, followed.max())
-    return Imitated(action, support, followed, matters, limited, rows, weights)
+    return Imitated(action, support_of(p.min_log_support, log_support), limited, rows, weights)
 
 
 @compiled
-def support_of(min_log_support: float, log_support: float, share: float) -> float:
-    """Returns the support, 0 to 1, of a greatest log weight where the context is followed by a share."""
-    return math.exp(-max(0.0, min_log_support + math.log(share) - log_support))
+def support_of(min_log_support: float, log_support: float) -> float:
+    """Returns the support, 0 to 1, of a greatest log weight."""
+    return math.exp(-max(0.0, min_log_support - log_support))
 
 
 @compiled

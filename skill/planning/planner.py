@@ -29,7 +29,6 @@ from skill.planning.imitation import Imitation
 from skill.planning.planning_model import PlanningModel
 from skill.planning.prediction import Plan, Prediction, Query
 from skill.regression.locally_weighted_regression import LWRegressor
-from skill.states.context_filter import pair_probabilities
 
 LOAD_TOLERANCE = 2.0
 """s_l, N."""
@@ -64,7 +63,7 @@ class Planner:
         """Returns the planned action for one query."""
         shown = self.imitation.predict(query)
         steps = horizon_steps(self.period)
-        log_weights = self.model.log_weights(query.X[0], pair_probabilities(query.P, query.Q)[0])
+        log_weights = self.model.log_weights(query.X[0], query.P[0])
         drift, response = self.model.forward(log_weights)
         desired = self.model.desired(log_weights)
         loads = self.responses.loads(query.row, self.responses.features.rotation_angle(query.row))[0]

@@ -1,6 +1,6 @@
 """What a planner knows: local forward models, the desired next state, and the bounds that each state keeps.
 
-All three are locally weighted. At features x, with probabilities Q of the pairs (contact state, context), sample i of
+All three are locally weighted. At features x, with probabilities Q of the contact states, sample i of
 the demonstrations has the weight
 
     w_i = exp(-|x - x_i|^2 / 2 h^2) sum_k Q_k P_ik.
@@ -61,12 +61,12 @@ RULES = {
     "next_states": ArrayRule(("n",), holds="integers", low=0),
     "changes": ArrayRule(("n", "p")),
     "times": ArrayRule(("n",), low=0.0),
-    "memberships": ArrayRule(("n", "M"), low=0.0, high=1.0 + 1e-6),
+    "memberships": ArrayRule(("n", "K"), low=0.0, high=1.0 + 1e-6),
     "values": ArrayRule(("V",), low=0.0, high=1.0),
     "lower": ArrayRule(("K", "p")),
     "upper": ArrayRule(("K", "p")),
 }
-"""The arrays of a stored `PlanningModel`: n samples, M pairs of K states and contexts."""
+"""The arrays of a stored `PlanningModel`: n samples, K states."""
 
 
 class PlanningModel(BaseEstimator):
@@ -80,7 +80,7 @@ class PlanningModel(BaseEstimator):
         scales_: these standard deviations; ``centre_``: (5,), mean of the outputs, N.
         largest_input_: (3,), largest |u| of the samples: turn about x and y (rad) and feed (m).
         next_states_, changes_, times_: see `Transitions`.
-        memberships_: (n, M), probabilities of the pairs.
+        memberships_: (n, K), probabilities of the contact states.
         values_: (K + 2,), values of the states, of the insertion (1) and of another end (0).
         lower_, upper_: (K, 5), bounds of the loads in each state, N.
     """
@@ -88,19 +88,18 @@ class PlanningModel(BaseEstimator):
     def __init__(self, *, bandwidth: float = 1.0) -> None:
         self.bandwidth = bandwidth
 
-    def fit(self, rows: Transitions, *, states: ArrayLike, memberships: ArrayLike, values: Array) -> Self:
+    def fit(self, rows: Transitions, *, memberships: ArrayLike, values: Array) -> Self:
         """Learns from transitions.
 
         Args:
             rows: n samples.
-            states: (n, K), probabilities of the contact states.
-            memberships: (n, M), probabilities of the pairs of states and contexts.
+            memberships: (n, K), probabilities of the contact states.
             values: (K,), values of the states.
 
         Raises:
             ValueError: if no sample is good and below ``MAX_LOAD``.
         """
-        P, M = np.asarray(states, dtype=float), np.asarray(memberships, dtype=float)
+        P = np.asarray(memberships, dtype=float)
         kept = np.abs(np.hstack([rows.loads[:, FORCES], rows.outputs])).max(axis=1) <= MAX_LOAD
         shown = kept & rows.good
         if not shown.any():
@@ -110,7 +109,7 @@ class PlanningModel(BaseEstimator):
         self.centre_ = Y.mean(axis=0)
         self.largest_input_ = np.maximum(np.abs(U).max(axis=0), MIN_POSITIVE)
         self.next_states_, self.changes_, self.times_ = rows.next_states[kept], rows.changes[kept], rows.times[kept]
-        self.memberships_ = M[kept]
+        self.memberships_ = P[kept]
         self.values_ = np.concatenate([values, [1.0, 0.0]])
         weights = P[shown] + MIN_POSITIVE  # a state that no good demonstration visits has the bounds of all states
         bounds = [np.quantile(rows.loads[shown], BOUNDS, axis=0, weights=w, method="inverted_cdf") for w in weights.T]
@@ -118,10 +117,10 @@ class PlanningModel(BaseEstimator):
         self._store(ResponseSamples(X / self.scales_[0], U / self.scales_[1], (Y - self.centre_) / self.scales_[2]))
         return self
 
-    def log_weights(self, features: Array, pair: Array) -> Array:
-        """Returns the logarithms of the weights (n,) of the samples at features (d,) with pair probabilities (M,)."""
+    def log_weights(self, features: Array, states: Array) -> Array:
+        """Returns the logarithms of the weights (n,) of the samples at features (d,) with state probabilities (K,)."""
         distance = ((self.samples_.X - features / self.scales_[0]) ** 2).sum(axis=1)
-        shared = np.maximum(self.memberships_ @ pair, np.finfo(float).tiny)
+        shared = np.maximum(self.memberships_ @ states, np.finfo(float).tiny)
         found: Array = np.log(shared) - distance / (2.0 * self.bandwidth**2)
         return found
 

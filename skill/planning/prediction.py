@@ -23,13 +23,11 @@ class Query(NamedTuple):
         row: (1, 7), the measurement: fx fy fz (N) mx my mz (N m) z (m).
         X: (1, d), its features.
         P: (1, K), probabilities of the contact states.
-        Q: (1, C), probabilities of the contexts.
     """
 
     row: Array
     X: Array
     P: Array
-    Q: Array
 
 
 class DesiredState(NamedTuple):
@@ -82,8 +80,6 @@ class Prediction(NamedTuple):
     Attributes:
         action: (3,), turn about x and y (rad) and feed (m) in the frame of the features, over one sample period.
         support: see `skill.policy.Action`.
-        contexts: (1, C), the probabilities of the contexts as far as they matter.
-        relevance: how far the context matters, 0 to 1; see `skill.regression.partial_pooling`.
         limited: whether a turn was limited to what the neighbours did; see `Imitation`.
         samples: the demonstrated samples nearby; None for a regressor that does not tell them.
         plan: what a planner expects; None for an imitation.
@@ -91,8 +87,6 @@ class Prediction(NamedTuple):
 
     action: Array
     support: float
-    contexts: Array
-    relevance: float
     limited: bool
     samples: NearSamples | None = None
     plan: Plan | None = None
@@ -134,15 +128,12 @@ class SkillExplanation:
 
     def __str__(self) -> str:
         """The explanation in degrees and millimetres."""
-        P, Q, local, plan = self.query.P[0], self.query.Q[0], self.local, self.prediction.plan
+        P, local, plan = self.query.P[0], self.local, self.prediction.plan
         states = ", ".join(f"{self.state_names[k]} {P[k]:.0%}" for k in np.argsort(-P) if P[k] >= 0.01)
-        contexts = ", ".join(f"{chr(65 + k)} {p:.0%}" for k, p in enumerate(Q))
-        matters = f"the context matters by {self.prediction.relevance:.0%} here"
         turn, low, high = np.degrees(self.action.turn), np.degrees(local.lower[:2]), np.degrees(local.upper[:2])
         return "\n".join(
             [
                 f"states: {states}",
-                *([] if len(Q) == 1 else [f"contexts: {contexts}; {matters}"]),
                 *(["the turn is limited to the quartiles of what was done nearby"] if self.prediction.limited else []),
                 f"turn {turn[0]:+.3f} {turn[1]:+.3f} deg, feed {1e3 * self.action.feed:+.3f} mm, in one sample period",
                 *([] if plan is None else self._planned(plan)),

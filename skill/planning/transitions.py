@@ -49,8 +49,8 @@ def transitions(
     *,
     n_states: int,
     period: float,
-) -> tuple[Transitions, NDArray[np.intp]]:
-    """Returns the transitions of demonstrations, and the number of the demonstration of each, (n,).
+) -> Transitions:
+    """Returns the transitions of demonstrations.
 
     The last ``HORIZON`` of a demonstration has none.
 
@@ -67,7 +67,7 @@ def transitions(
         for series, states, inserted in zip(observed, labels, good, strict=True)
     ]
     columns = (np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Transitions))
-    return Transitions(*columns), np.repeat(np.arange(len(parts)), [len(part.times) for part in parts])
+    return Transitions(*columns)
 
 
 def _of_one(

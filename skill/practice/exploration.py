@@ -22,7 +22,6 @@ from skill.features.responses import rig_observations
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import Action, PolicyT, WrappedPolicy
-from skill.states.context_filter import pair_probabilities
 from skill.states.estimate import Estimate, estimates
 
 LARGEST_TURN, LARGEST_FEED = 2.5, 1.5
@@ -126,7 +125,7 @@ class Rollout:
 
     Attributes:
         features: (n, d), features of the regressor.
-        memberships: (n, K C), probabilities of the pairs of contact state and context as filtered on the rig.
+        memberships: (n, K), probabilities of the contact states as filtered on the rig.
         log_factors: (n, 2), logarithms of the factors on turn and feed.
         costs: (n,), cost of each step, s.
     """
@@ -158,7 +157,7 @@ def rollout_of(run: RigRun, policy: PerturbedPolicy[ManipulationSkill]) -> Rollo
     features = skill.features_.transform(measured)
     observed = rig_observations(measured, samples[["target_pitch", "target_yaw"]].to_numpy(dtype=float))
     found = list(estimates(skill.estimator(), observed))
-    memberships = pair_probabilities(np.array([e.states for e in found]), np.array([e.contexts for e in found]))
+    memberships = np.array([e.states for e in found])
     back_off = samples["back_off"].to_numpy() > 0.5
     acted = ~np.append(back_off[1:], back_off[-1])  # a command is recorded one row after the measurement it responds to
     costs_to_go = np.cumsum(step_costs(run)[::-1])[::-1][acted]

@@ -24,7 +24,7 @@ class PolicyObserver:
     """Asks a policy at each sample of another's run, such as a person's demonstration.
 
     The estimator sees what it sees on the rig: the measured wrench and depth, and the turns of the peg, here those of
-    the person's probe, from which contexts are learnt too.
+    the person's probe.
 
     Args:
         policy: that is asked; it is not changed.

@@ -27,17 +27,13 @@ class PolicyEstimator(LeafSystem):
         - estimate
         - state
         - known
-        - context
-        - context_probability
-        - context_evidence
 
     Runs the estimator of a policy on the wrench on the peg about its tip (N, N m, in P), the depth (m), and the
-    policy's own motions: the commanded angles of the hole (rad). For a skill this is the filter over pairs of contact
-    state and context (`PairEstimator`). A policy without estimator has an `Estimate` of one state, for certain.
+    policy's own motions: the commanded angles of the hole (rad). For a skill this is the filter of its contact
+    states (`StateEstimator`). A policy without estimator has an `Estimate` of one state, for certain.
 
     ``estimate`` is the `Estimate` at the measurement of the same instant. The other outputs are for records: the most
-    probable state, whether it is ``known``, the most probable context, its probability, and what the measurement added
-    to the logarithm of its odds against the next most probable one. The memory of the estimator is the discrete state,
+    probable state, and whether it is ``known``. The memory of the estimator is the discrete state,
     so that one system serves many contexts.
     """
 
@@ -90,8 +86,5 @@ class PolicyEstimator(LeafSystem):
 READINGS: dict[str, Callable[[Estimate], float]] = {
     "state": lambda estimate: estimate.state,
     "known": lambda estimate: estimate.known,
-    "context": lambda estimate: estimate.context,
-    "context_probability": lambda estimate: estimate.contexts.max(),
-    "context_evidence": lambda estimate: estimate.context_evidence,
 }
 """The output ports for records, the columns of `skill.data.rig_run`."""

@@ -73,10 +73,9 @@ def test_the_skill_has_learnt_from_them(corrected, place, demonstration_folder):
 
 
 @pytest.mark.nightly
-def test_a_skill_that_plans_without_contexts_goes_on_so(place, demonstration_folder, tmp_path):
+def test_a_skill_that_plans_goes_on_so(place, demonstration_folder, tmp_path):
     skill = ManipulationSkill(policy="plan").fit(read_demonstrations(demonstration_folder))
     skill.regressor_.y_[:, :2] = 0.0
-    skill.metadata_["max_contexts"] = 1
     skill.planning_.samples_.Y[:] = 0.0  # no answer to any motion: it imitates a straight push, and gets stuck
     skill.save(place / "plan.npz")
     more = ("--corrections", tmp_path / "corrections")
@@ -85,8 +84,6 @@ def test_a_skill_that_plans_without_contexts_goes_on_so(place, demonstration_fol
     learnt = ManipulationSkill.load(place / "planned.npz")
     assert learnt.metadata_["demonstrations"] > skill.metadata_["demonstrations"]
     assert learnt.policy == "plan"
-    assert learnt.metadata_["max_contexts"] == 1
-    assert learnt.contexts_ is None
 
 
 def test_a_second_call_keeps_the_corrections_and_gives_the_same_skill(corrected, place, demonstration_folder):

@@ -42,7 +42,7 @@ def test_a_data_set_is_replaced_only_with_the_option(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_skill_adds_states_and_contexts(tmp_path, demonstration_folder, skill_file):
+def test_a_skill_adds_states(tmp_path, demonstration_folder, skill_file):
     done("export", "lerobot", demonstration_folder, tmp_path / "dataset", "--skill", skill_file)
     assert '"contact_state"' in (tmp_path / "dataset/meta/info.json").read_text()
     runs = write_runs(tmp_path / "runs")

@@ -17,7 +17,6 @@ from skill.planning.imitation import quartiles_of
 from skill.regression.locally_weighted_regression import LWRegressor, local_prediction
 from skill.regression.protocols import ExplainableRegressor, StateRegressor
 from skill.states.contact_state_filter import ContactStateFilter
-from skill.states.context_mixture import ContextMixture
 from skill.states.estimate import Estimate
 from tests.skill.acting import acted
 from tests.trajectories import GEOMETRY, make_demonstration
@@ -37,11 +36,10 @@ def made_up_skill():
 
 
 def single_state():
-    """Parts that are quick to fit: one state, one context, and features that only scale the measurements."""
+    """Parts that are quick to fit: one state, and features that only scale the measurements."""
     return {
         "features": RawFeatures(),
         "states": CompetitiveAgglomeration(m_init=1),
-        "contexts": ContextMixture(max_contexts=1),
         "regressor": LWRegressor(feature_scale=None),
     }
 

@@ -122,7 +122,6 @@ def test_everything_that_the_skill_consists_of_is_restored(made_up_skill, tmp_pa
             "good": 2,
             "geometry": {**GEOMETRY, "section": "round", "corners": [], "mates": []},
             "clocking": False,
-            "contexts": [1.0],
         }
     )
     np.testing.assert_array_equal(loaded.sources_, made_up_skill.sources_)

@@ -1,5 +1,6 @@
 """A skill that plans: learnt, explained, stored."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +17,25 @@ from skill.manipulation_skill import ManipulationSkill
 from skill.planning import planner
 from skill.planning.planning_model import VALUE_TIME
 from skill.regression.locally_weighted_regression import LWRegressor
-from skill.states.context_mixture import ContextMixture
 from tests.crafted_files import sealed_arrays
-from tests.skill.test_skill_contexts import hinged_demonstrations
+from tests.trajectories import make_demonstration
+
+
+def hinged_demonstrations(number=8):
+    """Synthetic demonstrations whose lateral force answers to turns about y, by 800 N/rad; the turns are noise."""
+    rng = np.random.default_rng(3)
+    demonstrations = []
+    for _ in range(number):
+        made = make_demonstration(tilt=math.radians(2.0), direction=0.0)
+        samples = made.samples.copy()
+        shallow = np.minimum(np.arange(len(samples)) / len(samples), 0.6) * 0.012
+        samples["z"] = -shallow - np.where(np.arange(len(samples)) > 0.9 * len(samples), 0.0155, 0.0)
+        turns = np.cumsum(rng.normal(0.0, 2e-3, len(samples)))
+        samples["ry"] = np.diff(turns, prepend=0.0)
+        samples["fx"] = 6.0 + 800.0 * turns + rng.normal(0.0, 0.1, len(samples))
+        samples["fy"] = rng.normal(0.0, 0.05, len(samples))
+        demonstrations.append(replace(made, samples=samples))
+    return demonstrations
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +45,7 @@ def demonstrations():
 
 @pytest.fixture(scope="module")
 def planning(demonstrations):
-    parts = {"contexts": ContextMixture(), "regressor": LWRegressor(ridge=1.0, feature_scale=None)}
-    return ManipulationSkill(policy="plan", **parts).fit(demonstrations)
+    return ManipulationSkill(policy="plan", regressor=LWRegressor(ridge=1.0, feature_scale=None)).fit(demonstrations)
 
 
 @pytest.fixture(scope="module")
@@ -42,26 +58,18 @@ def pushed(force=7.0, depth=0.004):
     return np.array([force, 0.0, 0.0, 0.0, 0.0, 0.0, -depth])
 
 
-def test_the_forward_models_know_the_context(planning):
-    # Turning about y changes the force by 800 N/rad, with opposite signs in the two halves of the demonstrations.
-    of_even = planning.contexts_.responsibilities_[0].argmax()
+def test_the_forward_model_finds_the_answer_to_a_turn(planning):
     model, row = planning.planning_, pushed()
     X, P = planning.features_.transform(row[None])[0], planning.state_probabilities(row[None])[0]
-    for context, sign in ((of_even, 1.0), (1 - of_even, -1.0)):
-        _, response = model.forward(model.log_weights(X, np.kron(P, np.eye(2)[context])))
-        assert response[0, 1] == pytest.approx(sign * 800.0, rel=0.1)
+    _, response = model.forward(model.log_weights(X, P))
+    assert response[0, 1] == pytest.approx(800.0, rel=0.1)
 
 
-def test_the_plan_leads_to_the_desired_state_in_either_context(planning):
-    for row in (pushed(8.0), pushed(4.0)):
-        turns = []
-        for context in np.eye(2):
-            estimate = replace(planning.estimate_alone(row), contexts=context)
-            plan = planning.explain(row, estimate).prediction.plan
-            assert plan.desired.time > 0.0
-            assert plan.loads[0] == pytest.approx(row[0])
-            turns.append(planning.act(row, estimate).turn[1])
-        assert abs(turns[0] - turns[1]) > 1e-4  # the demonstrated turns are noise; only the dynamics differ
+@pytest.mark.parametrize("force", [4.0, 8.0])
+def test_the_plan_begins_with_the_present_loads(planning, force):
+    plan = planning.explain(pushed(force)).prediction.plan
+    assert plan.desired.time > 0.0
+    assert plan.loads[0] == pytest.approx(force)
 
 
 def test_a_planned_action_differs_from_the_imitated_one_by_the_plan_alone(planning, monkeypatch):
@@ -80,7 +88,7 @@ def test_the_action_is_the_minimum_of_the_sum_of_the_module(planning, row):
     """The terms are written out again, and a general optimiser finds their minimum."""
     query, told = planning._query(row, None), planning.explain(row)
     model, plan, frame = planning.planning_, told.prediction.plan, told.frame_angle
-    drift, B = model.forward(model.log_weights(query.X[0], np.kron(query.P[0], query.Q[0])))
+    drift, B = model.forward(model.log_weights(query.X[0], query.P[0]))
     assert np.abs(drift).max() > 0.05  # it matters
     imitated = planning.imitation().predict(query)
     near = imitated.samples
@@ -150,6 +158,8 @@ def with_another_state(arrays):
     for name in ("lower", "upper"):
         arrays[f"planning/{name}"] = np.vstack([arrays[f"planning/{name}"], np.zeros((1, 5))])
     arrays["planning/values"] = np.append(arrays["planning/values"], 0.0)
+    P = arrays["planning/memberships"]
+    arrays["planning/memberships"] = np.hstack([P, np.zeros((len(P), 1))])
 
 
 def as_imitation(arrays):
@@ -162,7 +172,7 @@ def as_imitation(arrays):
     [
         (without_plan, "planning: missing for this policy"),
         (as_imitation, "planning: unexpected for this policy"),
-        (with_another_state, "planning: .* features, inputs, outputs, states and pairs, expected"),
+        (with_another_state, "planning: .* features, inputs, outputs and states, expected"),
     ],
 )
 def test_a_file_whose_plan_does_not_fit_is_refused(planning, tmp_path, change, message):

@@ -10,7 +10,6 @@ from experiments.sweeps.trial_files import SCHEMA, partition
 
 PLAIN = {
     **{"factors": "{}", "demonstration_set": None, "demonstrations": None, "skill": "s0", "train_s": None},
-    "contexts": None,
     **{"states": 6, "query_ms": None, "tilt_x_deg": 1.0, "tilt_y_deg": -2.0, "time_s": 2.5, "depth_mm": 24.7},
     **{"penetration_um": 3.0, "peak_contact_n": 15.0, "peak_load_n": 16.0, "mean_load_n": 8.0, "steps": 20},
     **{"seconds_above_20n": 0.0, "wedged_s": 0.0, "path_mm": 27.7, "jerk_ms3": 4.0, "field_score": 99.0},

@@ -18,11 +18,9 @@ from skill.policy import CarriedOver
 from skill.practice.exploration import PerturbedPolicy, draw_perturbation
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.skill_step import skill_numbers
-from skill.states.context_mixture import ContextMixture
 from systems.rig import MakeRig
 from systems.steps.faults import Fault
 from tests.experiments.sweeps.pushes import Push
-from tests.skill.test_skill_contexts import hinged_demonstrations
 
 
 @pytest.fixture(scope="module")
@@ -107,15 +105,6 @@ def test_a_skill_that_turns_about_the_axis_acts_alike(shipped):
     assert abs(rows["target_clocking"]).max() > 1e-3
     with pytest.raises(ValueError, match="the rig has no clocking stage"):
         rolled_out(scenario_of(501), turning, number=501)
-
-
-@pytest.mark.slow
-def test_contexts_are_followed_alike():
-    skill = ManipulationSkill(contexts=ContextMixture(), regressor=LWRegressor(ridge=1.0, feature_scale=None)).fit(
-        hinged_demonstrations()
-    )
-    assert skill.contexts_ is not None
-    compared(scenario_of(507, trial__time_limit=1.5), skill)
 
 
 @pytest.mark.slow

@@ -118,14 +118,13 @@ def test_labels_are_unknown_without_geometry_and_beyond_45_degrees():
 
 
 @pytest.mark.slow
-def test_states_and_contexts_are_those_of_the_estimator_of_the_skill(skill, demonstrations):
+def test_states_are_those_of_the_estimator_of_the_skill(skill, demonstrations):
     episode, features = (
         demonstration_episode(demonstrations[0], "a.parquet", skill),
         demonstration_features(skill),
     )
     found = list(estimates(skill.estimator(), observed_series(demonstrations[0].samples)))
     assert episode.columns["contact_state"].tolist() == [estimate.state for estimate in found]
-    assert episode.columns["context"].tolist() == [estimate.context for estimate in found]
     assert set(episode.columns) == set(features)
     assert features["contact_state"].labels == tuple(skill.state_names())
 

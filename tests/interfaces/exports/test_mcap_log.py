@@ -117,7 +117,6 @@ def test_states_commands_and_the_result_of_a_run():
     assert all(s["name"] == names[s["number"]] for s in states)
     assert [c["feed_speed"] for c in contents(log, "/command")] == run.samples["feed_speed"].tolist()
     assert [c["back_off"] for c in contents(log, "/command")] == (run.samples["back_off"] > 0).tolist()
-    assert [c["probability"] for c in contents(log, "/context")] == run.samples["context_probability"].tolist()
     [outcome] = contents(log, "/outcome")
     assert outcome == {"outcome": "inserted", "success": True, "result": run.result}
     [metadata] = make_reader(io.BytesIO(log.data)).iter_metadata()

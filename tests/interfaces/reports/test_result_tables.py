@@ -8,7 +8,6 @@ import pytest
 from rich.console import Console
 
 from interfaces.reports.result_tables import (
-    context_line,
     discovered_table,
     phase_table,
     result_summary,
@@ -72,21 +71,6 @@ def test_the_names_of_states_are_not_markup():
     text = text_of(state_table(skill))
     assert "0 [/x] free 2 0.50 0.00 inserted" in text
     assert "an insertion follows a state with probability 0.90 to 0.90" in text
-
-
-def test_the_line_about_contexts_counts_the_demonstrations_of_each():
-    alone = context_line(SimpleNamespace(contexts_=None))
-    assert alone.startswith("a single context")
-    assert "haptic-skill correct" in alone
-    found = SimpleNamespace(n_contexts_=2, responsibilities_=np.array([[0.9, 0.1], [0.2, 0.8], [0.0, 1.0]]))
-    line = context_line(SimpleNamespace(contexts_=found))
-    assert line.startswith("2 contexts")
-    assert line.endswith("A in 1, B in 2 good demonstrations")
-
-
-def test_a_context_of_few_demonstrations_is_doubted():
-    found = SimpleNamespace(n_contexts_=2, responsibilities_=np.eye(2)[[0, 1, 0, 0, 0, 0]])
-    assert "A in 5, B in 1 good demonstrations; more demonstrations" in context_line(SimpleNamespace(contexts_=found))
 
 
 def test_discovered_states_have_a_table():

@@ -91,12 +91,10 @@ def test_a_run_may_have_a_single_row(run, tmp_path):
     [
         ("contact_tip_x", 0.5, "column 'contact_tip_x' lies between"),
         ("contact_face_fz", 2e5, "column 'contact_face_fz' lies between"),
-        ("context", 0.5, "column 'context' holds 0.5 in row 3"),
-        ("context_probability", 1.5, "column 'context_probability' lies between"),
-        ("context_evidence", -2e6, "column 'context_evidence' lies between"),
+        ("turning", 0.5, "column 'turning' holds 0.5 in row 3"),
     ],
 )
-def test_an_implausible_contact_or_context_is_refused(run, tmp_path, column, value, message):
+def test_an_implausible_contact_or_turning_is_refused(run, tmp_path, column, value, message):
     samples = run.samples.copy()
     samples.loc[3, column] = value
     write_rig_run(RigRun(samples, run.result, run.metadata), tmp_path / "run.parquet")

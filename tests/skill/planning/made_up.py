@@ -40,7 +40,7 @@ def made_up_rows(seed=0, demonstrations=6):
     return transitions(observed, labels, good, FEATURES, n_states=3, period=PERIOD)
 
 
-def fitted(rows, numbers, values=(0.5, 0.8, 0.0), **parameters):
+def fitted(rows, values=(0.5, 0.8, 0.0), **parameters):
     P = np.zeros((len(rows.times), 3))
     P[np.arange(len(P)), np.where(rows.loads[:, 0] >= 2.0, 0, 1)] = 1.0
-    return PlanningModel(**parameters).fit(rows, states=P, memberships=P, values=np.array(values))
+    return PlanningModel(**parameters).fit(rows, memberships=P, values=np.array(values))

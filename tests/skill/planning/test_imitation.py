@@ -12,21 +12,20 @@ from skill.features.wrench_features import CanonicalFeatures
 from skill.planning.imitation import Imitation, lowest_log_support, quartiles_of
 from skill.planning.prediction import Query
 from skill.regression.locally_weighted_regression import LWRegressor
-from skill.states.context_mixture import ContextMixture
 
 ONE = np.ones((1, 1))
 
 numbers = arrays(float, st.integers(1, 30), elements=st.floats(-5.0, 5.0))
 
 
-def query(x, Q=ONE):
+def query(x):
     """A query at one feature; an imitation does not look at the measurement itself."""
     X = np.array([[x]])
-    return Query(X, X, ONE, Q)
+    return Query(X, X, ONE)
 
 
 def imitation(regressor, X, Y, **parameters):
-    return Imitation(regressor.fit(X, Y, **parameters), np.zeros((len(X), 2)), None, -math.inf)
+    return Imitation(regressor.fit(X, Y, **parameters), np.zeros((len(X), 2)), -math.inf)
 
 
 def test_quartiles_with_equal_weights():
@@ -66,10 +65,10 @@ def test_a_turn_is_not_extrapolated(sloping):
 
 def test_within_the_quartiles_a_prediction_is_that_of_the_regressor(sloping):
     X = np.array([[0.5]])
-    found = sloping.predict(Query(X, X, ONE, ONE))
+    found = sloping.predict(Query(X, X, ONE))
     np.testing.assert_array_equal(found.action, sloping.regressor.predict(X)[0])
     assert not found.limited
-    assert (found.support, found.relevance) == (1.0, 1.0)
+    assert found.support == 1.0
 
 
 def test_a_foreign_regressor_is_used_as_it_is():
@@ -124,58 +123,6 @@ def test_a_recorded_deadlock_is_left():
     X = CanonicalFeatures().transform(recorded["measured"].astype(float))
     Q = recorded["queried"] / recorded["queried"].sum(axis=1, keepdims=True)
     extrapolated = regressor.predict(X, memberships=Q)[:, 1] / one_degree_per_second
-    turns = [dut.predict(Query(x[None], x[None], q[None], ONE)).action[1] for x, q in zip(X, Q, strict=True)]
+    turns = [dut.predict(Query(x[None], x[None], q[None])).action[1] for x, q in zip(X, Q, strict=True)]
     assert np.median(extrapolated) == pytest.approx(-0.5, abs=0.1)
     assert np.median(turns) / one_degree_per_second < -1.0
-
-
-def three_contexts():
-    """Contexts of six demonstrations, two in each."""
-    rows = np.arange(6)
-    return ContextMixture.from_arrays(
-        {
-            "bandwidth": np.array(1.0),
-            "features": rows[:, None].astype(float),
-            "inputs": np.ones((6, 1)),
-            "outputs": np.ones((6, 1)),
-            "feature_spread": np.ones(1),
-            "input_spread": np.ones(1),
-            "output_spread": np.ones(1),
-            "output_mean": np.zeros(1),
-            "correlation_times": np.ones(1),
-            "group": rows,
-            "groups": rows,
-            "responsibilities": np.repeat(np.eye(3), 2, axis=0),
-        }
-    )
-
-
-def imitation_of_three_contexts(min_log_support):
-    """Near x = 0 the contexts turn by 2, -1 and 1; near x = 100 all turn by 3."""
-    rng = np.random.default_rng(0)
-    number = np.tile(np.repeat(np.arange(6), 20), 2)
-    x = np.repeat([0.0, 100.0], 120) + rng.normal(0.0, 0.1, 240)
-    size = np.where(x < 50.0, np.array([2.0, -1.0, 1.0])[number // 2], 3.0) + rng.normal(0.0, 0.02, 240)
-    Y = np.column_stack([size, -size, np.ones(240)])
-    P = np.eye(3)[number // 2]
-    regressor = LWRegressor(bandwidth=1.0, degree=0, feature_scale=None).fit(x[:, None], Y, memberships=P)
-    return Imitation(regressor, np.column_stack([number, x]), three_contexts(), min_log_support)
-
-
-@pytest.mark.parametrize(("context", "turn"), [(0, 2.0), (1, -1.0), (2, 1.0)])
-def test_each_of_three_contexts_has_its_own_turn(context, turn):
-    dut = imitation_of_three_contexts(min_log_support=-10.0)
-    Q = np.eye(3)[context][None]
-    near, far = (dut.predict(query(place, Q)) for place in (0.0, 100.0))
-    np.testing.assert_allclose(near.action, [turn, -turn, 1.0], atol=0.1)
-    assert near.relevance > 0.9
-    np.testing.assert_allclose(far.action, [3.0, -3.0, 1.0], atol=0.1)
-    assert near.support == far.support == 1.0
-
-
-@pytest.mark.parametrize("place", [0.5, 100.5])
-def test_not_to_know_the_context_is_no_lack_of_samples(place):
-    dut = imitation_of_three_contexts(min_log_support=0.0)
-    known, unknown = (dut.predict(query(place, Q)) for Q in (np.eye(3)[:1], np.full((1, 3), 1 / 3)))
-    assert 0.5 < known.support < 1.0
-    assert unknown.support == pytest.approx(known.support, rel=0.1)

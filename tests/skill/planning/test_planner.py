@@ -86,14 +86,14 @@ def test_no_other_motion_is_better(shape, target, direction):
 
 def plan_with(time, share):
     """The prediction under a force of 4 N, where demonstrations take this time for a share of what they change."""
-    rows, numbers = made_up_rows()
+    rows = made_up_rows()
     rows = replace(rows, times=np.full_like(rows.times, time), changes=share * rows.changes)
     regressor = LWRegressor(bandwidth=5.0, feature_scale=None)
     regressor.fit(rows.features, rows.inputs * PERIOD / HORIZON, memberships=np.ones((len(rows.times), 3)) / 3.0)
-    imitation = Imitation(regressor, np.zeros((len(rows.times), 2)), None, -math.inf)
+    imitation = Imitation(regressor, np.zeros((len(rows.times), 2)), -math.inf)
     row = np.array([[4.0, 0.0, 5.0, 0.0, 0.0, 0.0, -0.002]])
-    query = Query(row, FEATURES.features.transform(row), np.array([[1.0, 0.0, 0.0]]), np.ones((1, 1)))
-    return Planner(fitted(rows, numbers, bandwidth=5.0), imitation, FEATURES, PERIOD).predict(query)
+    query = Query(row, FEATURES.features.transform(row), np.array([[1.0, 0.0, 0.0]]))
+    return Planner(fitted(rows, bandwidth=5.0), imitation, FEATURES, PERIOD).predict(query)
 
 
 def test_the_target_of_a_horizon_is_the_demonstrated_change_at_its_demonstrated_speed():

@@ -11,7 +11,7 @@ from tests.skill.planning.made_up import CLIMB, FEATURES, PERIOD, STIFFNESS, N, 
 
 @pytest.fixture(scope="module")
 def model():
-    return fitted(*made_up_rows(), bandwidth=5.0)
+    return fitted(made_up_rows(), bandwidth=5.0)
 
 
 def weights(model, force=4.0, state=0):
@@ -28,22 +28,22 @@ def test_the_forward_model_finds_the_law(model):
 
 
 def test_far_from_all_samples_the_forward_model_is_their_mean():
-    rows, numbers = made_up_rows()
+    rows = made_up_rows()
     outputs = rows.outputs + np.array([7.0, 0.0, 0.0, 0.0, -2.0])
-    model = fitted(replace(rows, outputs=outputs), numbers)
+    model = fitted(replace(rows, outputs=outputs))
     drift, response = model.forward(np.full(len(rows.times), -300.0))
     np.testing.assert_allclose(drift, outputs.mean(axis=0))
     np.testing.assert_allclose(response, 0.0, atol=1e-9)
 
 
 def test_weights_are_a_gaussian_of_the_distance_times_the_shared_probability():
-    rows, numbers = made_up_rows()
-    model = fitted(rows, numbers, bandwidth=0.7)
+    rows = made_up_rows()
+    model = fitted(rows, bandwidth=0.7)
     spread = np.where(np.ptp(rows.features, axis=0) > 1e-9, rows.features.std(axis=0), 1.0)
-    pair = np.array([0.3, 0.6, 0.1])
+    P = np.array([0.3, 0.6, 0.1])
     distance = ((rows.features - rows.features[4]) / spread) ** 2
-    expected = np.exp(-distance.sum(axis=1) / (2 * 0.7**2)) * (model.memberships_ @ pair)
-    np.testing.assert_allclose(np.exp(model.log_weights(rows.features[4], pair)), expected, rtol=1e-6, atol=1e-12)
+    expected = np.exp(-distance.sum(axis=1) / (2 * 0.7**2)) * (model.memberships_ @ P)
+    np.testing.assert_allclose(np.exp(model.log_weights(rows.features[4], P)), expected, rtol=1e-6, atol=1e-12)
 
 
 def test_the_desired_state_is_the_follower_of_greatest_worth(model):
@@ -56,15 +56,15 @@ def test_the_desired_state_is_the_follower_of_greatest_worth(model):
 
 
 def test_a_state_without_value_is_not_desired():
-    rows, numbers = made_up_rows()
-    rich = fitted(rows, numbers, values=(0.5, 0.01, 0.9), bandwidth=5.0)
+    rows = made_up_rows()
+    rich = fitted(rows, values=(0.5, 0.01, 0.9), bandwidth=5.0)
     assert rich.desired(weights(rich)).state == 2
-    hopeless = fitted(rows, numbers, values=(0.0, 0.0, 0.0), bandwidth=5.0)
+    hopeless = fitted(rows, values=(0.0, 0.0, 0.0), bandwidth=5.0)
     assert hopeless.desired(weights(hopeless)).state == 1  # what most did
 
 
 def test_the_bounds_are_those_that_good_demonstrations_keep(model):
-    rows, _ = made_up_rows()
+    rows = made_up_rows()
     force = rows.loads[rows.good, 0]
     for state, shown in ((0, force[force >= 2.0]), (1, force[force < 2.0])):
         low, high = model.bounds(np.eye(3)[state])
@@ -75,18 +75,18 @@ def test_the_bounds_are_those_that_good_demonstrations_keep(model):
 
 
 def test_jams_are_left_out():
-    rows, numbers = made_up_rows()
+    rows = made_up_rows()
     jammed = rows.outputs.copy()
     jammed[0] = 2.0 * MAX_LOAD
-    assert len(fitted(replace(rows, outputs=jammed), numbers).times_) == len(rows.times) - 1
+    assert len(fitted(replace(rows, outputs=jammed)).times_) == len(rows.times) - 1
     pressed = rows.loads.copy()
     pressed[[1, 2, 3], [0, 1, 4]] = 2.0 * MAX_LOAD, -2.0 * MAX_LOAD, 1.01 * MAX_LOAD  # a held jam does not change
-    assert len(fitted(replace(rows, loads=pressed), numbers).times_) == len(rows.times) - 3
+    assert len(fitted(replace(rows, loads=pressed)).times_) == len(rows.times) - 3
     of_moments = rows.loads.copy()
     of_moments[:, 2:4] = 10.0 * MAX_LOAD  # a long lever, no jam
-    assert len(fitted(replace(rows, loads=of_moments), numbers).times_) == len(rows.times)
+    assert len(fitted(replace(rows, loads=of_moments)).times_) == len(rows.times)
     with pytest.raises(ValueError, match="no sample of a good demonstration with a load below 40 N"):
-        fitted(replace(rows, good=np.zeros(len(rows.times), dtype=bool)), numbers)
+        fitted(replace(rows, good=np.zeros(len(rows.times), dtype=bool)))
 
 
 def test_a_restored_model_is_the_same(model):

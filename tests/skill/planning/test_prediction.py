@@ -8,7 +8,7 @@ from skill.regression.protocols import Explanation
 
 
 def test_the_text_is_in_degrees_and_millimetres_and_names_the_likely_states():
-    query = Query(np.zeros((1, 7)), np.zeros((1, 2)), np.array([[0.301, 0.009, 0.69]]), np.array([[0.08, 0.92]]))
+    query = Query(np.zeros((1, 7)), np.zeros((1, 2)), np.array([[0.301, 0.009, 0.69]]))
     local = Explanation(
         neighbours=np.arange(9),
         weights=np.full(9, 0.5),
@@ -22,7 +22,7 @@ def test_the_text_is_in_degrees_and_millimetres_and_names_the_likely_states():
     )
     explanation = SkillExplanation(
         query,
-        Prediction(np.zeros(3), 1.0, query.Q, relevance=0.253, limited=True),
+        Prediction(np.zeros(3), 1.0, limited=True),
         Action(np.radians([0.1, -0.2]), -2e-4),
         local,
         sources=np.column_stack([np.full(9, 3.0), np.arange(1.0, 10.0)]),
@@ -32,7 +32,6 @@ def test_the_text_is_in_degrees_and_millimetres_and_names_the_likely_states():
     assert len(explanation.neighbours) > MAX_PRINTED
     assert str(explanation).splitlines() == [
         "states: two points 69%, free 30%",
-        "contexts: A 8%, B 92%; the context matters by 25% here",
         "the turn is limited to the quartiles of what was done nearby",
         "turn +0.100 -0.200 deg, feed -0.200 mm, in one sample period",
         "80% interval in the contact frame (+30 deg about z):"
@@ -44,8 +43,8 @@ def test_the_text_is_in_degrees_and_millimetres_and_names_the_likely_states():
 
 def planned_lines(plan):
     """The lines of an explanation about its plan."""
-    query = Query(np.zeros((1, 7)), np.zeros((1, 2)), np.array([[1.0, 0.0]]), np.ones((1, 1)))
-    prediction = Prediction(np.zeros(3), 1.0, query.Q, relevance=0.0, limited=False, plan=plan)
+    query = Query(np.zeros((1, 7)), np.zeros((1, 2)), np.array([[1.0, 0.0]]))
+    prediction = Prediction(np.zeros(3), 1.0, limited=False, plan=plan)
     nothing = np.zeros(0)
     local = Explanation(
         np.zeros(0, dtype=int), nothing, nothing, *np.zeros((3, 3)), level=0.0, support=0.0, log_w_max=0.0

@@ -25,21 +25,19 @@ def found():
 
 
 def test_each_sample_has_its_answer_one_horizon_later(found):
-    rows, numbers = found
-    assert list(numbers) == [0] * 6 + [1] * 2  # five periods are a horizon, and four samples have none
-    np.testing.assert_allclose(rows.outputs[:, 0], [5.0] * 6 + [10.0] * 2)
-    np.testing.assert_allclose(rows.outputs[:, 3], 5.0)
-    np.testing.assert_allclose(rows.inputs, [[1e-2, 0.0, -5e-4]] * 8)
-    np.testing.assert_allclose(rows.loads[:, 0], [0, 1, 2, 3, 4, 5, 0, 2])
-    np.testing.assert_allclose(rows.measured[:, 6], -1e-4 * np.array([0, 1, 2, 3, 4, 5, 0, 1]))
-    assert list(rows.good) == [True] * 6 + [False] * 2
+    # Five periods are a horizon, and four samples have none.
+    np.testing.assert_allclose(found.outputs[:, 0], [5.0] * 6 + [10.0] * 2)
+    np.testing.assert_allclose(found.outputs[:, 3], 5.0)
+    np.testing.assert_allclose(found.inputs, [[1e-2, 0.0, -5e-4]] * 8)
+    np.testing.assert_allclose(found.loads[:, 0], [0, 1, 2, 3, 4, 5, 0, 2])
+    np.testing.assert_allclose(found.measured[:, 6], -1e-4 * np.array([0, 1, 2, 3, 4, 5, 0, 1]))
+    assert list(found.good) == [True] * 6 + [False] * 2
 
 
 def test_each_sample_knows_the_state_that_follows_and_where_it_begins(found):
-    rows, _ = found
     # The last visit leads to the insertion (4) at the last sample, or to another end (5).
-    assert list(rows.next_states) == [2, 2, 1, 1, 1, 4, 5, 5]
-    np.testing.assert_allclose(rows.times, PERIOD * np.array([2, 1, 3, 2, 1, 5, 6, 5]))
-    np.testing.assert_allclose(rows.changes[:, 0], [2, 1, 3, 2, 1, 5, 12, 10])
-    np.testing.assert_allclose(rows.changes[:, 3], [2, 1, 3, 2, 1, 5, 6, 5])
-    assert not rows.changes[:, [1, 2, 4]].any()
+    assert list(found.next_states) == [2, 2, 1, 1, 1, 4, 5, 5]
+    np.testing.assert_allclose(found.times, PERIOD * np.array([2, 1, 3, 2, 1, 5, 6, 5]))
+    np.testing.assert_allclose(found.changes[:, 0], [2, 1, 3, 2, 1, 5, 12, 10])
+    np.testing.assert_allclose(found.changes[:, 3], [2, 1, 3, 2, 1, 5, 6, 5])
+    assert not found.changes[:, [1, 2, 4]].any()

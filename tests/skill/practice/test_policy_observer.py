@@ -10,7 +10,7 @@ from skill.states.estimate import estimates
 
 
 def test_a_judgement_is_the_estimate_and_the_action_of_the_policy(skill, demonstrations):
-    """Over the observations that contexts are learnt from: the own turn is the sum of the turns."""
+    """The own turn is the sum of the turns."""
     observer, samples = PolicyObserver(skill), demonstrations[0].samples
     measured, turns = samples[list(MEASURED)].to_numpy(), samples[["rx", "ry"]].to_numpy()
     found = [observer.watch(*row) for row in zip(measured, turns, strict=True)]

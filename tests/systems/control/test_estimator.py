@@ -11,15 +11,14 @@ PERIOD = 0.02
 
 
 class Counter:
-    """An estimator of two contexts that counts the observations and keeps the last own turn about y."""
+    """An estimator of two states that counts the observations and keeps the last own turn about y."""
 
     def initial(self):
-        return Estimate(np.array([0.5, 0.5]), np.array([0.4, 0.6]), False, np.zeros(2), np.zeros(2))
+        return Estimate(np.array([0.5, 0.5]), False, np.zeros(2))
 
     def step(self, memory, observation):
         states = np.array([0.3, 0.7]) if observation[0] > 0.0 else np.array([0.9, 0.1])
-        contexts = np.array([0.2, 0.8])
-        return Estimate(states, contexts, True, np.array([-0.5, 0.5]), np.array([memory[0] + 1.0, observation[8]]))
+        return Estimate(states, True, np.array([memory[0] + 1.0, observation[8]]))
 
 
 def set_inputs(dut, context, wrench, depth, target):
@@ -49,18 +48,16 @@ def test_the_estimate_equals_that_of_the_policys_own_estimator(skill, series):
         set_inputs(dut, context, *inputs)
         found = dut.GetOutputPort("estimate").Eval(context)  # uses this measurement, before the update
         np.testing.assert_array_equal(found.states, expected.states)
-        np.testing.assert_array_equal(found.contexts, expected.contexts)
         np.testing.assert_array_equal(found.memory, expected.memory)
         assert readings(dut, context) == {name: float(read(expected)) for name, read in READINGS.items()}
         update(dut, context, period=PERIOD)
 
 
-def test_records_show_the_most_probable_state_and_context():
+def test_records_show_the_most_probable_state():
     dut = PolicyEstimator(estimator=Counter(), period=PERIOD)
     context = dut.CreateDefaultContext()
     set_inputs(dut, context, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.01, [0.0, 0.3])
-    record = {"state": 1.0, "known": 1.0, "context": 1.0, "context_probability": 0.8, "context_evidence": 1.0}
-    assert readings(dut, context) == record
+    assert readings(dut, context) == {"state": 1.0, "known": 1.0}
 
 
 def test_the_memory_is_stored_in_the_context():
@@ -76,14 +73,8 @@ def test_the_memory_is_stored_in_the_context():
     np.testing.assert_allclose(other.get_discrete_state(0).value(), [2.0, 0.2])
 
 
-def test_a_policy_without_estimator_has_one_state_and_one_context_for_certain():
+def test_a_policy_without_estimator_has_one_state_for_certain():
     dut = PolicyEstimator(estimator=None, period=PERIOD)
     context = fixed_context(dut)
     assert context.num_discrete_state_groups() == 0
-    record = {"state": 0.0, "known": 1.0, "context": 0.0, "context_probability": 1.0, "context_evidence": 0.0}
-    assert readings(dut, context) == record
-
-
-def test_the_evidence_is_that_of_the_leading_context_against_the_next():
-    estimate = Estimate(contexts=np.array([0.2, 0.5, 0.3]), evidence=np.array([1.0, -2.0, 0.5]))
-    assert (estimate.context, estimate.context_evidence) == (1, -2.5)
+    assert readings(dut, context) == {"state": 0.0, "known": 1.0}

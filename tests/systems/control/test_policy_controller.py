@@ -98,19 +98,19 @@ def test_the_turn_about_the_axis_is_limited_and_never_reversed(skill, measuremen
     assert step(*controller(FixedPolicy(skill, action), measurements[0], slow)[:2], slow)["clocking_rate"] == -0.02
 
 
-class TwoContexts(FixedPolicy):
-    """A policy that turns about x by the difference of the probabilities of its two contexts."""
+class TwoStates(FixedPolicy):
+    """A policy that turns about x by the difference of the probabilities of its two states."""
 
     def act(self, measured, estimate=None):
-        return Action(turn=np.array([1e-3 * (estimate.contexts[0] - estimate.contexts[1]), 0.0]), feed=0.0)
+        return Action(turn=np.array([1e-3 * (estimate.states[0] - estimate.states[1]), 0.0]), feed=0.0)
 
 
-@pytest.mark.parametrize("contexts", [[0.9, 0.1], [0.2, 0.8]])
-def test_the_policy_is_given_the_contexts(skill, measurements, contexts):
-    dut, context, _ = controller(TwoContexts(skill, None), measurements[0])
-    believe(dut, context, Estimate(contexts=np.array(contexts)))
+@pytest.mark.parametrize("states", [[0.9, 0.1], [0.2, 0.8]])
+def test_the_policy_is_given_the_estimate(skill, measurements, states):
+    dut, context, _ = controller(TwoStates(skill, None), measurements[0])
+    believe(dut, context, Estimate(np.array(states)))
     found = step(dut, context)["pitch_rate"]
-    assert found == pytest.approx(-1e-3 * (contexts[0] - contexts[1]) / skill.period_)
+    assert found == pytest.approx(-1e-3 * (states[0] - states[1]) / skill.period_)
 
 
 def test_equal_measurements_give_equal_rates(skill, measurements):
