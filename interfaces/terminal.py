@@ -49,8 +49,8 @@ EXTRAS = {
     **{"h5py": "recordings", "matplotlib": "figures", "pyarrow": "data"},
     **{"cascadio": "cad", "trimesh": "cad"},
     **{"franky": "arm", "franky_sim": "arm", "rtde_control": "ur"},
-    **{"distributed": "dask", "mcap": "recordings", "mujoco": "mujoco", "ray": "ray"},
-    **{"hmmlearn": "peers", "ruptures": "peers"},
+    **{"distributed": "dask", "mcap": "recordings", "ray": "ray"},
+    **{"hmmlearn": "peers", "mujoco": "peers", "ruptures": "peers"},
     **{"gymnasium": "gym", "lerobot": "lerobot", "stable_baselines3": "rl", "torch": "lerobot"},
 }
 """The extra that installs a package, by the name of the package."""

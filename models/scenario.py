@@ -203,8 +203,6 @@ def _name_violations(scenario: Scenario) -> Iterator[Violation]:
         yield Violation("controller.wrench", repr(wrench), f"one of {WRENCHES} or {SCALED}FACTOR, such as {SCALED}0.5")
     if scenario.contact.engine not in ENGINES:
         yield Violation("contact.engine", repr(scenario.contact.engine), f"one of {ENGINES}")
-    if scenario.contact.engine == "mujoco" and not scenario.geometry.is_round:
-        yield Violation("contact.engine", "mujoco", "drake or exact: its boxes form a round hole only")
     if scenario.rig.clocking_stage and scenario.geometry.is_round:
         yield Violation("rig.clocking_stage", "true", "false: a round part has no angle about its axis")
     if scenario.contact.engine == "drake" and scenario.geometry.mates:

@@ -15,8 +15,8 @@ from models.validation import PERIODS, TIME_LIMITS, limited
 if TYPE_CHECKING:
     from models.assembly import Assembly
 
-ENGINES = ("drake", "exact", "mujoco")
-"""Engines of the contact: Drake's hydroelastic meshes, rigid bodies in closed form, and MuJoCo's boxes."""
+ENGINES = ("drake", "exact")
+"""Engines of the contact: Drake's hydroelastic meshes, and rigid bodies in closed form."""
 
 APPROXIMATIONS = ("lagged", "similar", "sap")
 """Drake's discrete contact approximations that a scenario may name; "tamsi" is deprecated."""

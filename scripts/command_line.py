@@ -68,10 +68,8 @@ Verbose = Annotated[
 Jobs = Annotated[int, typer.Option("--jobs", min=1, max=256, help="Number of processes.")]
 ScenarioName = Annotated[str, SCENARIO]
 Engine = Annotated[
-    Literal["drake", "exact", "mujoco"] | None,
-    typer.Option(
-        help="Contact: Drake's meshes, rigid bodies, or MuJoCo's boxes ([mujoco]).", show_default="from the scenario"
-    ),
+    Literal["drake", "exact"] | None,
+    typer.Option(help="Contact: Drake's meshes or rigid bodies.", show_default="from the scenario"),
 ]
 OptionalScenarioName = Annotated[str | None, SCENARIO]
 SkillFile = Annotated[Path, SKILL]

@@ -129,15 +129,11 @@ def plan_sweep(path: Path, out: Path, store: PolicyStore) -> SweepPlan:
         ValueError: if the specification is not valid, or a file of the results is damaged.
         OSError: if the specification cannot be read.
     """
-    from importlib import import_module
-
     from experiments.sweeps.assignments import assignments
     from experiments.sweeps.cost import TrialKind, cost_of
     from experiments.sweeps.specification import read_specification
 
     specification = read_specification(path)
-    if "mujoco" in specification.engines:
-        import_module("mujoco")  # a missing package ends the sweep before it begins
     found = assignments(specification, out, f"sweep {path}")
     blocks = [(assignment, block) for assignment in found for block in assignment.blocks]
     todo = [(assignment, block, len(missing)) for assignment, block in blocks if (missing := block.missing())]

@@ -53,20 +53,10 @@ def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = N
 
 
 def AddEngine(builder: DiagramBuilder, scenario: Scenario) -> RigPlant:
-    """Adds the mechanics of the rig in the engine that a resolved scenario names.
-
-    Raises:
-        ModuleNotFoundError: if MuJoCo is named and not installed.
-    """
-    match scenario.contact.engine:
-        case "exact":
-            return ExactPlant.AddToBuilder(builder, scenario)
-        case "mujoco":
-            from systems.plant.mujoco_plant import MujocoPlant
-
-            return MujocoPlant.AddToBuilder(builder, scenario)
-        case _:
-            return AddRigPlant(builder, scenario)
+    """Adds the mechanics of the rig in the engine that a resolved scenario names."""
+    if scenario.contact.engine == "drake":
+        return AddRigPlant(builder, scenario)
+    return ExactPlant.AddToBuilder(builder, scenario)
 
 
 def WireRig(

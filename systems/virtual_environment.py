@@ -156,21 +156,10 @@ def MakeVirtualEnvironment(
 
 
 def AddPegEngine(builder: DiagramBuilder, scenario: Scenario) -> PegPlant:
-    """Adds the mechanics of peg and hole in the engine that a scenario names.
-
-    Raises:
-        ModuleNotFoundError: if MuJoCo is named and not installed.
-    """
-    plant: PegPlant
-    match scenario.contact.engine:
-        case "exact":
-            plant = builder.AddNamedSystem("plant", ExactPeg(scenario))
-        case "mujoco":
-            from systems.plant.mujoco_peg import MujocoPeg
-
-            plant = builder.AddNamedSystem("plant", MujocoPeg(scenario))
-        case _:
-            plant = AddVirtualPlant(builder, scenario)
+    """Adds the mechanics of peg and hole in the engine that a scenario names."""
+    if scenario.contact.engine == "drake":
+        return AddVirtualPlant(builder, scenario)
+    plant: ExactPeg = builder.AddNamedSystem("plant", ExactPeg(scenario))
     return plant
 
 

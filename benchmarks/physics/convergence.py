@@ -19,8 +19,8 @@ scenarios (64 facets, 1e10 Pa, 1 s/m, a chamfer that begins at the mouth).
 
 The last rows are rigid bodies in the exact engine (`systems.plant.exact_contact`), over their stiffness and step.
 
-With --mujoco (extra [mujoco]) the same peg also moves in MuJoCo, where it is an exact cylinder and the bore a ring of
-boxes (`systems.plant.mujoco_model`).
+With --mujoco (extra [peers]) the same peg also moves in MuJoCo, where it is an exact cylinder and the bore a ring of
+boxes (`benchmarks.physics.mujoco_probe`).
 """
 
 from __future__ import annotations
@@ -136,8 +136,7 @@ def exact_cases() -> Iterator[Case]:
 
 def mujoco_cases() -> Iterator[Case]:
     """Yields the cases of MuJoCo, in the default scenario."""
-    from benchmarks.physics.mujoco_probe import MujocoProbe
-    from systems.plant.mujoco_model import MujocoContact
+    from benchmarks.physics.mujoco_probe import MujocoContact, MujocoProbe
 
     scenario, rig = Scenario(), MujocoContact()
     for name, contact in (

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import copy
 import time
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -53,23 +52,22 @@ def cost(scenario: Scenario) -> tuple[float, float]:
 
 
 def main(json: JsonFile = None) -> None:
-    engines = [name for name in ENGINES if name != "mujoco" or find_spec("mujoco")]
     nominal = resolve_scenario(Scenario(), seed=0, stream=TRIAL_STREAM)
     scenarios = {}
-    for name in engines:
+    for name in ENGINES:
         scenarios[name] = copy.deepcopy(nominal)
         scenarios[name].contact.engine = name
         cost(scenarios[name])  # compiles
-    found: dict[str, list[tuple[float, float]]] = {name: [] for name in engines}
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in ENGINES}
     for _ in range(ROUNDS):
-        for name in engines:
+        for name in ENGINES:
             found[name].append(cost(scenarios[name]))
     least = {name: min(seconds for seconds, _ in values) for name, values in found.items()}
     table = plain_table("the rig's mechanics alone")
     for title in ("engine", "CPU s a simulated second", "of Drake's", "in contact"):
         table.add_column(title, justify="left" if title == "engine" else "right")
     rows: list[dict[str, Any]] = []
-    for name in engines:
+    for name in ENGINES:
         share = found[name][0][1]
         table.add_row(name, f"{least[name]:.3f}", f"{least[name] / least['drake']:.2f}", f"{100 * share:.0f} %")
         rows.append({"engine": name, "cpu_s": least[name], "contact": share})

@@ -64,7 +64,7 @@ def main(
     results: Annotated[Path, typer.Argument(help="Folder that `haptic-skill sweep` wrote.")],
     name: Annotated[str, typer.Argument(help="Name of the picture.")],
     factor: Annotated[list[str], typer.Option(metavar="NAME", help="Factor of a curve; repeatable.")],
-    engine: Annotated[str, typer.Option(help="drake or mujoco; both by default.")] = "",
+    engine: Annotated[str, typer.Option(help="drake or exact; both by default.")] = "",
 ) -> None:
     """Writes the picture."""
     picture = stacked(curve_pictures(results, factor, engine))

@@ -16,8 +16,8 @@ REFERENCE_SPEED = 105.0
 """`machine_speed` of the machine with these CPU times, ms."""
 
 LOOP = "exact, in the compiled loop"
-TRIAL_CPU = {LOOP: 0.085, "exact": 1.1, "drake": 2.6, "mujoco": 9.0}  # s
-DEMONSTRATION_CPU = {"exact": 1.1, "drake": 2.4, "mujoco": 9.0}  # s
+TRIAL_CPU = {LOOP: 0.085, "exact": 1.1, "drake": 2.6}  # s
+DEMONSTRATION_CPU = {"exact": 1.1, "drake": 2.4}  # s
 POLICY_CPU = 10.0  # s
 START_CPU = 5.0  # s, until a process has imported what it needs
 

@@ -29,7 +29,7 @@ from experiments.sweeps.policies import (
 )
 from experiments.sweeps.specification import PolicyPlan
 from experiments.sweeps.trial_files import SETS, SKILLS
-from experiments.sweeps.trial_rows import engine_versions, trial_code, trial_modules
+from experiments.sweeps.trial_rows import trial_code, trial_modules
 from experiments.worker_pool import LostWorkerError, WorkerPool
 from models.scenario import dump_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
@@ -48,10 +48,10 @@ Advance = Callable[[str], None]
 R = TypeVar("R")
 
 
-def requirements_of(engine: str, plan: PolicyPlan | None = None) -> Requirements:
-    """Returns what work with an engine, and with the policy of a plan, requires of a worker."""
+def requirements_of(plan: PolicyPlan | None = None) -> Requirements:
+    """Returns what work, and the policy of a plan, require of a worker."""
     own, packages = (own_modules(plan), named_packages(plan)) if plan else (set(), {})
-    return Requirements.of({*trial_modules(), *own}, engine_versions(engine) | packages)
+    return Requirements.of({*trial_modules(), *own}, versions() | packages)
 
 
 def recorded(
@@ -132,7 +132,7 @@ class PolicyStore:
         stack: ExitStack,
     ) -> Iterator[Callable[[], tuple[DemonstrationSource, Request, Demonstration]]]:
         """Yields the missing demonstrations of the sets that no other sweep holds; the others become ``busy``."""
-        requirements = requirements_of("drake")
+        requirements = requirements_of()
         for source in sources:
             own = stack.enter_context(ExitStack())
             try:
@@ -163,7 +163,7 @@ class PolicyStore:
             OSError: if a file cannot be written.
         """
         tasks = (
-            partial(made, source, self._training_context(source), requirements_of("drake", source.plan))
+            partial(made, source, self._training_context(source), requirements_of(source.plan))
             for source in sources
             if not self.is_made(source)
         )

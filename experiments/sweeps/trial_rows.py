@@ -12,7 +12,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from experiments.provenance import version_of, versions
+from experiments.provenance import versions
 from experiments.sweeps.code_digest import code_digest, modules_of, values_digest
 from experiments.sweeps.trial_files import MEASURED_NUMBERS
 from experiments.trial.run_trial import perform_trial
@@ -52,7 +52,7 @@ class TrialSource:
         known = {
             **{"scenario": self.scenario, "arm": self.arm.value},
             **{"policy": self.policy, "name": self.name, "factors": self.factors, "code": trial_code()},
-            "versions": engine_versions(self.engine),
+            "versions": versions(),
         }
         return values_digest(known)
 
@@ -72,11 +72,6 @@ def trial_code() -> str:
 def trial_modules() -> tuple[str, ...]:
     """Returns the names of the modules that `trial_code` reads."""
     return tuple(sorted(modules_of([__name__, "experiments.sweeps.policies", "experiments.demonstration_set"])))
-
-
-def engine_versions(engine: str) -> dict[str, str]:
-    """Returns the versions of the packages that decide the result of a trial in an engine."""
-    return versions() | ({"mujoco": version_of("mujoco")} if engine == "mujoco" else {})
 
 
 def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[str, Any]) -> Row:

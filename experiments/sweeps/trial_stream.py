@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from experiments.provenance import versions
 from experiments.sweeps.assignments import Assignment
 from experiments.sweeps.code_digest import Requirements
 from experiments.sweeps.policy_store import WAIT, PolicyStore, requirements_of
 from experiments.sweeps.result_blocks import Block, HeldBlock, hold
-from experiments.sweeps.trial_rows import Row, TrialSource, engine_versions, perform, trial_code
+from experiments.sweeps.trial_rows import Row, TrialSource, perform, trial_code
 from experiments.worker_pool import LostWorkerError, WorkerPool
 from skill.policy import RigPolicy
 from skill.skill_step import skill_numbers
@@ -205,9 +206,9 @@ class TrialStream:
                 "train_s": policy.train_s,
                 "query_ms": policy.query_ms,
                 "code": trial_code(),
-                "versions": json.dumps(engine_versions(assignment.source.engine)),
+                "versions": json.dumps(versions()),
             }
-            requirements = requirements_of(assignment.source.engine, assignment.policy.plan)
+            requirements = requirements_of(assignment.policy.plan)
             size = self._batch(len(missing), assignment.source.engine, policy.policy)
             for start in range(0, len(missing), size):
                 numbers = tuple(missing[start : start + size])

@@ -13,12 +13,12 @@ from models.scenario import Scenario
 from skill.arrays import Array
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from systems.plant.contact_forces import face_springs
-from systems.plant.contact_plant import AddVirtualPlant, HydroelasticPeg
+from systems.plant.contact_plant import HydroelasticPeg
 from systems.plant.exact_peg import ExactPeg
 from systems.servo.local_contact import LocalContact, Springs
 from systems.servo.multirate_margins import require_multirate_margins
 from systems.servo.probe import Probe
-from systems.virtual_environment import PegEnvironment, add_coupling, start_pose
+from systems.virtual_environment import AddPegEngine, PegEnvironment, add_coupling, start_pose
 
 
 class ServedProbe(LeafSystem):
@@ -116,19 +116,11 @@ def MakeServedEnvironment(scenario: Scenario) -> ServedEnvironment:
         scenario: resolved (see `resolve_scenario`).
 
     Raises:
-        ValueError: if the scenario is not resolved, its coupling is not stable (see `multirate_margins`), or its engine
-            is MuJoCo.
+        ValueError: if the scenario is not resolved, or its coupling is not stable (see `multirate_margins`).
     """
     require_multirate_margins(scenario)
     builder = DiagramBuilder()
-    plant: HydroelasticPeg | ExactPeg
-    match scenario.contact.engine:
-        case "drake":
-            plant = AddVirtualPlant(builder, scenario)
-        case "exact":
-            plant = builder.AddNamedSystem("plant", ExactPeg(scenario))
-        case engine:
-            raise ValueError(f"contact.engine is {engine}; expected drake or exact, whose contacts a servo can be sent")
+    plant = AddPegEngine(builder, scenario)
     X_HP_start = start_pose(scenario)
     probe = builder.AddNamedSystem("served_probe", ServedProbe(X_HP_start))
     proxy, recorder, log = add_coupling(builder, scenario, plant)

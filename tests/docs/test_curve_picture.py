@@ -9,7 +9,7 @@ from tests.interfaces.reports.test_scoreboard_curves import rows
 
 def test_curves_are_drawn_in_the_order_asked_for(tmp_path):
     write_trials(tmp_path, rows([1, 2, 3], name="a") + rows([4, 5, 6], name="b"))
-    write_trials(tmp_path, rows([1, 2, 3], name="a"), engine="mujoco")
+    write_trials(tmp_path, rows([1, 2, 3], name="a"), engine="exact")
     both = curve_pictures(tmp_path, ["b", "a"], "drake")
     assert [picture.tobytes() for picture in both[::-1]] == [
         picture.tobytes() for picture in curve_pictures(tmp_path, ["a", "b"], "drake")

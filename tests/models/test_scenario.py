@@ -147,10 +147,6 @@ INVALID = {
         "geometry: {section: key, chamfer: 0.002}",
         "geometry.section is key, .*a concave arc of the radius 0.00145 is too small",
     ),
-    "a square in MuJoCo": (
-        "{geometry: {section: square}, contact: {engine: mujoco}}",
-        "contact.engine is mujoco, expected drake or exact",
-    ),
     "a square that is wider than the block": (
         "geometry: {section: square, block_radius: 0.0144}",
         "geometry.block_radius is 0.0144 m, expected > 0.01448",

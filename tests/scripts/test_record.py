@@ -107,8 +107,6 @@ def test_the_margins_are_a_line_or_a_table(tmp_path, quick):
 @pytest.mark.parametrize(
     ("text", "engine", "message"),
     [
-        ("contact: {engine: mujoco}", None, "contact.engine is mujoco; expected drake or exact"),
-        ("start: {height: 0.002}", "mujoco", "contact.engine is mujoco; expected drake or exact"),
         ("geometry: {mates: [[0, 0, 0.004, 0, 0]]}", None, "contact.engine is drake, expected exact: the mesh"),
         ("geometry: {section: star}", "exact", "geometry.section is star, expected another shape"),
         ("rig: {clocking_stage: true}", "exact", "rig.clocking_stage is true, expected false: a round part"),

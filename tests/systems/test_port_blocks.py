@@ -66,8 +66,6 @@ ARGUMENTS = {
     "SensorMonitor": lambda skill: {"limits": sensor_limits(S), "period": 1e-3},
     "ExactPeg": lambda skill: {"scenario": S},
     "ExactPlant": lambda skill: {"scenario": TRIAL},
-    "MujocoPeg": lambda skill: {"scenario": S},
-    "MujocoPlant": lambda skill: {"scenario": TRIAL},
     "PegDisplay": lambda skill: {"scenario": S, "meshcat": Meshcat(), "period": 0.03},
     "RigDisplay": lambda skill: {
         **{"scenario": TRIAL, "plant": ExactPlant(TRIAL), "meshcat": Meshcat(), "period": 0.03},
@@ -146,8 +144,6 @@ def test_only_the_listed_outputs_have_direct_feedthrough(dut, kind):
         "DriveMonitor": set(),
         "ExactPeg": set(),
         "ExactPlant": set(),
-        "MujocoPeg": set(),
-        "MujocoPlant": set(),
         "HapticDevice": {("virtual_wrench", "rendered_wrench")},
         "HeldPeg": set(),
         "TipServo": {("joint_state", "torques")},

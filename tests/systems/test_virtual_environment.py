@@ -195,19 +195,18 @@ def test_a_demonstration_inserts_a_peg_that_is_not_round(quick_scenario, engine,
     assert demonstration.metadata["geometry"]["section"] == section
 
 
-@pytest.mark.parametrize(("engine", "overlap"), [("exact", 1.0), ("mujoco", 12.5)])
-def test_a_demonstration_inserts_in_the_other_engines(quick_scenario, engine, overlap):
-    quick_scenario.contact.engine = engine
+def test_a_demonstration_inserts_in_the_exact_engine(quick_scenario):
+    quick_scenario.contact.engine = "exact"
     resolved = resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM)
     environment = MakeVirtualEnvironment(resolved)
     assert unconnected_inputs(environment.diagram) == set()
     demonstration = run_demonstration(resolved)
     assert demonstration.outcome in ("inserted", "inserted roughly")
-    assert demonstration.metadata["penetration_um"] < overlap
+    assert demonstration.metadata["penetration_um"] < 1.0
     assert demonstration.samples["fz"].max() > 0.5
 
 
-@pytest.mark.parametrize(("engine", "overlap"), [("drake", 1e-5), ("exact", 1e-7), ("mujoco", 5e-6)])
+@pytest.mark.parametrize(("engine", "overlap"), [("drake", 1e-5), ("exact", 1e-7)])
 def test_the_peg_rests_where_coupling_and_floor_balance(quick_scenario, engine, overlap):
     """A probe 1 mm below the floor pulls the peg down with its spring; the floor pushes it back."""
     scenario = quick_scenario
@@ -230,7 +229,7 @@ def test_the_peg_rests_where_coupling_and_floor_balance(quick_scenario, engine, 
     simulator.AdvanceTo(0.3)
     point, force = plant.contact_force(context)
     np.testing.assert_allclose(force, [0.0, 0.0, scenario.coupling.stiffness * 1e-3], rtol=1e-3, atol=1e-3)
-    np.testing.assert_allclose(point, [0.0, 0.0, -depth], atol=1e-3)  # MuJoCo divides a flat contact unevenly
+    np.testing.assert_allclose(point, [0.0, 0.0, -depth], atol=1e-3)
     np.testing.assert_allclose(plant.peg_pose(context).translation(), [0.0, 0.0, -depth], atol=overlap)
 
 

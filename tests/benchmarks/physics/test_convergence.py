@@ -52,7 +52,7 @@ def test_the_table_has_one_row_per_setting(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.slow
 def test_mujoco_agrees_about_a_firm_slide_and_has_no_meshes_to_measure():
-    pytest.importorskip("mujoco", reason="needs the extra [mujoco]")
+    pytest.importorskip("mujoco", reason="needs the extra [peers]")
     row = measure(next(mujoco_cases()))
     assert set(row) == set(COLUMNS) - {"play_depth_error"}
     assert abs(row["firm_20mm"]) < 0.1

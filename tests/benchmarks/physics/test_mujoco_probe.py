@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-mujoco = pytest.importorskip("mujoco", reason="needs the extra [mujoco]")
+mujoco = pytest.importorskip("mujoco", reason="needs the extra [peers]")
 
 
 from benchmarks.physics.contact_probe import PlanarPose  # noqa: E402
-from benchmarks.physics.mujoco_probe import MujocoProbe  # noqa: E402
+from benchmarks.physics.mujoco_probe import MujocoContact, MujocoProbe  # noqa: E402
 from models.contact_geometry import PegInHole, rotations_of_vectors  # noqa: E402
 from models.scenario import Scenario  # noqa: E402
-from systems.plant.mujoco_model import MujocoContact  # noqa: E402
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from tests.experiments.scoreboard.simulated_trials import LEARNT, OTHER, write_r
 
 @pytest.fixture(scope="module")
 def board(tmp_path_factory):
-    folder = write_results(tmp_path_factory.mktemp("it's a <folder>"), engines=("drake", "mujoco"))
+    folder = write_results(tmp_path_factory.mktemp("it's a <folder>"), engines=("drake", "exact"))
     old = [{"trial": k, "code": "0ld", "began": "2025-01-01T00:00:00+00:00"} for k in range(5)]
     write_trials(folder, old, policy=LEARNT, block="0001")
     before = {"skill": "before", "began": "2026-01-01T00:00:00+00:00"}  # the policy has been made anew since

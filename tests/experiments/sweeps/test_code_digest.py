@@ -73,11 +73,11 @@ def test_a_module_that_is_not_there_is_named():
 
 
 def test_a_policy_requires_the_modules_and_packages_that_it_names():
-    plain = requirements_of("drake")
+    plain = requirements_of()
     plain.check()
     assert "systems.rig" in plain.modules
     make = PolicyPlan("a", None, "joblib:Memory", {"states": "benchmarks.rig.learners:one_state"}, None, False)
-    found = requirements_of("drake", make)
+    found = requirements_of(make)
     assert "benchmarks.rig.learners" in found.modules
     assert found.code != plain.code
     assert dict(found.versions)["joblib"] == version("joblib")
@@ -94,7 +94,7 @@ def test_a_policy_requires_the_modules_and_packages_that_it_names():
 )
 def test_another_revision_or_version_is_refused(change, message):
     with pytest.raises(ValueError, match=message):
-        replace(requirements_of("drake"), **change).check()
+        replace(requirements_of(), **change).check()
 
 
 @pytest.mark.nightly

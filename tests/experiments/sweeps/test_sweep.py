@@ -100,13 +100,11 @@ def test_a_law_is_made_once_and_kept_as_its_parameters(specification, perform, t
 
 @pytest.mark.nightly
 def test_all_engines_perform_the_same_trials(specification, perform):
-    pytest.importorskip("mujoco", reason="needs the extra [mujoco]")
-    path = specification(policies={"push": PUSH}, engines=["drake", "exact", "mujoco"], trials={"number": 2})
+    path = specification(policies={"push": PUSH}, engines=["drake", "exact"], trials={"number": 2})
     rows = perform(path).sort_values(["trial", "engine"])
-    assert rows.engine.tolist() == ["drake", "exact", "mujoco"] * 2
+    assert rows.engine.tolist() == ["drake", "exact"] * 2
     tilts = rows.pivot_table(index="trial", columns="engine", values="tilt_x_deg", observed=True)
-    assert tilts.drake.tolist() == tilts.exact.tolist() == tilts.mujoco.tolist()
-    assert "mujoco" in rows.versions[rows.engine == "mujoco"].iloc[0]
+    assert tilts.drake.tolist() == tilts.exact.tolist()
 
 
 def test_a_killed_worker_costs_its_trial_once_and_what_always_kills_is_given_up(specification, perform, tmp_path):

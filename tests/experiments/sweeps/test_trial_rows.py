@@ -44,7 +44,6 @@ def test_code_and_versions_change_the_key_too(monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr(trial_rows, "trial_code", lambda: "another revision")
         assert source().digest() != before
-    monkeypatch.setattr(trial_rows, "version_of", lambda name: "0")
     monkeypatch.setattr(trial_rows, "versions", lambda: {"drake": "0"})
     assert source().digest() != before
 

@@ -68,7 +68,7 @@ def test_other_factors_arms_and_engines_have_curves_of_their_own(tmp_path):
     values = [10, 2, 30]
     write_trials(tmp_path, rows(values) + rows(values, others={"kind": "x"}))
     write_trials(tmp_path, rows(values), arm="stress")
-    write_trials(tmp_path, rows(values[:2]), engine="mujoco")
+    write_trials(tmp_path, rows(values[:2]), engine="exact")
     titles = [curve.title for curve in curves(tmp_path)]
     assert sorted(titles) == ["default arm, drake", "default arm, drake, kind x", "stress arm, drake"]
     assert curves(tmp_path)[0].values == [2, 10, 30]

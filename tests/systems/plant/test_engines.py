@@ -1,4 +1,4 @@
-"""The plants of the engines beside Drake's, against hand-worked statics, Drake's plant and a whole insertion."""
+"""The plant of the exact engine, against hand-worked statics, Drake's plant and a whole insertion."""
 
 import math
 
@@ -17,16 +17,9 @@ from tests.diagrams import unconnected_inputs
 from tests.systems.plant.engine_bench import Bench, G, hanging_weight
 
 
-@pytest.fixture(params=["exact", "mujoco"])
-def engine(request):
-    if request.param == "mujoco":
-        pytest.importorskip("mujoco", reason="needs the extra [peers]")
-    return request.param
-
-
 @pytest.fixture
-def scenario(quick_scenario, engine):
-    quick_scenario.rig.pivot_height, quick_scenario.contact.engine = 0.0, engine
+def scenario(quick_scenario):
+    quick_scenario.rig.pivot_height, quick_scenario.contact.engine = 0.0, "exact"
     return quick_scenario
 
 

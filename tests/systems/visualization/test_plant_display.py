@@ -18,7 +18,7 @@ from tests.systems.visualization.canvas import Canvas
 ARROW = "force_on_the_peg"
 
 
-@pytest.mark.parametrize("engine", ["drake", "exact", "mujoco"])
+@pytest.mark.parametrize("engine", ["drake", "exact"])
 def test_the_floor_pushes_the_peg_up_and_the_arrow_starts_at_the_tip(quick_scenario, engine):
     quick_scenario.contact.engine = engine
     scenario = resolve_scenario(quick_scenario, seed=1, stream=TRIAL_STREAM)
