@@ -21,9 +21,7 @@ from systems.haptics.passivity_observer import PassivityObserver
 from systems.haptics.virtual_fixture import MakeFixture, VirtualFixture
 from systems.math.rotation import from_rotation_vector
 from systems.operators.simulated_operator import SimulatedOperator
-from systems.plant.contact_plant import AddVirtualPlant
-from systems.plant.exact_peg import ExactPeg
-from systems.plant.peg_plant import PegPlant
+from systems.plant.peg_plant import AddPegPlant, PegPlant
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.visualization.meshcat_scene import FRAME
 from systems.visualization.plant_display import PegDisplay
@@ -130,7 +128,7 @@ def MakeVirtualEnvironment(
     """
     require_margins(scenario)
     builder = DiagramBuilder()
-    plant = AddPegEngine(builder, scenario)
+    plant = AddPegPlant(builder, scenario)
     X_HP_start = start_pose(scenario)
     if operator is None:
         operator = _make_operator(scenario)
@@ -153,14 +151,6 @@ def MakeVirtualEnvironment(
     diagram = builder.Build()
     diagram.set_name("virtual_environment")
     return VirtualEnvironment(diagram, plant, log, X_HP_start, energy_log, device)
-
-
-def AddPegEngine(builder: DiagramBuilder, scenario: Scenario) -> PegPlant:
-    """Adds the mechanics of peg and hole in the engine that a scenario names."""
-    if scenario.contact.engine == "drake":
-        return AddVirtualPlant(builder, scenario)
-    plant: ExactPeg = builder.AddNamedSystem("plant", ExactPeg(scenario))
-    return plant
 
 
 def add_coupling(

@@ -169,44 +169,47 @@ class HydroelasticRig(ContactPlant):
 
 @dataclass(frozen=True)
 class HydroelasticPeg(ContactPlant):
-    """A finalised plant of the virtual environment; implements `systems.plant.peg_plant.PegPlant`.
+    """A finalised plant of the virtual environment; one of `systems.plant.peg_plant.PegPlant`.
 
     Attributes:
-        pose: see `PegPlant`.
+        pose: port of X_HP.
     """
 
     pose: OutputPort
 
     @property
     def index(self) -> BodyIndex:
-        """See `PegPlant`."""
+        """Index of the peg in the forces on it."""
         return self.peg.index()
 
     @property
     def peg_forces(self) -> InputPort:
-        """See `PegPlant`."""
+        """List of ExternallyAppliedSpatialForce."""
         return self.plant.get_applied_spatial_force_input_port()
 
     @property
     def peg_state(self) -> OutputPort:
-        """See `PegPlant`."""
+        """Quaternion of R_HP, p_HP (m), angular velocity (rad/s) and velocity (m/s) of the tip in H, (13,)."""
         return self.plant.get_state_output_port(self.peg.model_instance())
 
     @property
     def contact_wrench(self) -> OutputPort:
-        """See `PegPlant`."""
+        """Torque (N m) and force (N) of the contact on the peg, at its tip, in H, (6,)."""
         return self.plant.get_generalized_contact_forces_output_port(self.peg.model_instance())
 
     def set_start(self, context: Context, X_HP: RigidTransform) -> None:
-        """See `PegPlant`."""
+        """Puts the peg at a pose, at rest; ``context`` is the root context."""
         self.plant.SetFreeBodyPose(self.plant.GetMyMutableContextFromRoot(context), self.peg, X_HP)
 
     def peg_pose(self, context: Context) -> RigidTransform:
-        """See `PegPlant`."""
+        """Returns X_HP; ``context`` is the root context."""
         return self.peg.EvalPoseInWorld(self.plant.GetMyContextFromRoot(context))
 
     def contact_force(self, context: Context) -> tuple[Array, Array] | None:
-        """See `PegPlant`: the point is the centroid of the contact surface."""
+        """Returns a point of the contact (m) and the contact force on the peg (N), in W, or None without contact.
+
+        The point is the centroid of the contact surface; ``context`` is the root context.
+        """
         own = self.plant.GetMyContextFromRoot(context)
         results = self.plant.get_contact_results_output_port().Eval(own)
         if results.num_hydroelastic_contacts() == 0:

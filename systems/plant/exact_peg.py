@@ -160,17 +160,17 @@ class ExactPeg(LeafSystem):
         self.pose = self.DeclareAbstractOutputPort("pose", Value[RigidTransform], self._calc_pose, motion)
 
     def set_start(self, context: Context, X_HP: RigidTransform) -> None:
-        """See `PegPlant`."""
+        """See `HydroelasticPeg`."""
         pose = np.concatenate([X_HP.rotation().ToQuaternion().wxyz(), X_HP.translation()])
         own = self.GetMyMutableContextFromRoot(context)
         own.SetDiscreteState(self._motion, np.concatenate([pose, np.zeros(6)]))
 
     def peg_pose(self, context: Context) -> RigidTransform:
-        """See `PegPlant`."""
+        """See `HydroelasticPeg`."""
         return free_body_pose(self._state(self.GetMyContextFromRoot(context))[:7])
 
     def contact_force(self, context: Context) -> tuple[Array, Array] | None:
-        """See `PegPlant`: the point is the mean of the contacts, weighted with their normal forces."""
+        """See `HydroelasticPeg`: the point is the mean of the contacts, weighted with their normal forces."""
         contact = self.GetMyContextFromRoot(context).get_discrete_state(self._contact).value()
         return (contact[6:].copy(), contact[3:6].copy()) if contact[:6].any() else None
 

@@ -13,12 +13,12 @@ from models.scenario import Scenario
 from skill.arrays import Array
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from systems.plant.contact_forces import face_springs
-from systems.plant.contact_plant import HydroelasticPeg
 from systems.plant.exact_peg import ExactPeg
+from systems.plant.peg_plant import AddPegPlant
 from systems.servo.local_contact import LocalContact, Springs
 from systems.servo.multirate_margins import require_multirate_margins
 from systems.servo.probe import Probe
-from systems.virtual_environment import AddPegEngine, PegEnvironment, add_coupling, start_pose
+from systems.virtual_environment import PegEnvironment, add_coupling, start_pose
 
 
 class ServedProbe(LeafSystem):
@@ -73,11 +73,9 @@ class ServedEnvironment(PegEnvironment):
     """The environment of a served probe.
 
     Attributes:
-        plant: of peg and hole, in Drake or the exact engine.
         probe: what the servo has said of the probe.
     """
 
-    plant: HydroelasticPeg | ExactPeg
     probe: ServedProbe
 
     def set_probe(self, context: Context, probe: Probe) -> None:
@@ -120,7 +118,7 @@ def MakeServedEnvironment(scenario: Scenario) -> ServedEnvironment:
     """
     require_multirate_margins(scenario)
     builder = DiagramBuilder()
-    plant = AddPegEngine(builder, scenario)
+    plant = AddPegPlant(builder, scenario)
     X_HP_start = start_pose(scenario)
     probe = builder.AddNamedSystem("served_probe", ServedProbe(X_HP_start))
     proxy, recorder, log = add_coupling(builder, scenario, plant)

@@ -11,9 +11,10 @@ from experiments.demonstration_run import run_demonstration
 from models.scenario import DEMONSTRATION_STREAM, FIXTURES, FREE_FACETS, load_scenario, parse_scenario, resolve_scenario
 from systems.haptics.haptic_proxy import HapticProxy
 from systems.haptics.virtual_fixture import MakeFixture
+from systems.plant.peg_plant import AddPegPlant
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.rig_diagram import start_angles
-from systems.virtual_environment import AddPegEngine, MakeVirtualEnvironment, start_pose
+from systems.virtual_environment import MakeVirtualEnvironment, start_pose
 from tests.diagrams import unconnected_inputs, unused_plant_inputs
 
 
@@ -212,7 +213,7 @@ def test_the_peg_rests_where_coupling_and_floor_balance(quick_scenario, engine, 
     scenario = quick_scenario
     scenario.contact.engine = engine
     builder, depth = DiagramBuilder(), scenario.geometry.hole_depth
-    plant = AddPegEngine(builder, scenario)
+    plant = AddPegPlant(builder, scenario)
     proxy = builder.AddSystem(
         HapticProxy(coupling=scenario.coupling, fixture=MakeFixture("free", pivot_height=0.0), peg=plant.index)
     )
