@@ -29,7 +29,7 @@ from benchmarks.command_line import JsonFile, finish, run
 from experiments.trial.diagram_trial import run_rig
 from experiments.trial.ended_trial import EndedTrial
 from experiments.trial.loop_trial import rolled_out
-from experiments.trial.trial_set import Arm, trial_scenario
+from experiments.trial.trial_set import TrialSet, trial_scenario
 from experiments.worker_pool import run_in_processes
 from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import console
@@ -47,7 +47,7 @@ def scenario_of(number: int) -> Scenario:
     """Returns the resolved scenario of a trial, in turn a usual and a harder one."""
     scenario = Scenario()
     scenario.contact.engine = "exact"
-    return trial_scenario(scenario, number=number, arm=list(Arm)[number % 2])
+    return trial_scenario(scenario, number=number, trial_set=list(TrialSet)[number % 2])
 
 
 def loop(skill: ManipulationSkill, numbers: list[int]) -> Iterator[tuple[EndedTrial, float]]:

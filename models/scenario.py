@@ -297,7 +297,7 @@ def _sensor_violations(scenario: Scenario) -> Iterator[Violation]:
 
 
 DEMONSTRATION_STREAM, TRIAL_STREAM, PERSON_STREAM, PRACTICE_STREAM, CHECK_STREAM, LIVE_STREAM = 1, 2, 3, 4, 5, 6
-CORRECTION_STREAM, QUESTION_STREAM, STRESS_STREAM = 7, 8, 9
+CORRECTION_STREAM, QUESTION_STREAM, HARD_STREAM = 7, 8, 9
 """Random streams; equal seeds in different streams give independent draws."""
 
 CLOCKING_DRAW, HOLE_DRAW = 1, 2
@@ -310,7 +310,7 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int 
     Args:
         scenario: Scenario with ranges; not modified.
         seed: Non-negative integer.
-        stream: one of the streams but those of persons and stress; demonstrations have wider ranges than trials.
+        stream: one of the streams but those of persons and hard trials; demonstrations have wider ranges than trials.
         person: Number of the person, which is one operator for every seed and stream; None draws one with ``seed``.
 
     Raises:

@@ -52,8 +52,8 @@ def main(
             show_default="from the scenario",
         ),
     ] = None,
-    arm: Annotated[
-        Literal["default", "stress"],
+    trials_of: Annotated[
+        Literal["usual", "hard"],
         typer.Option(help="Which trials: all that the scenario contains, or only the hard ones."),
     ] = "default",
     scenario: ScenarioName = "nominal",
@@ -68,7 +68,7 @@ def main(
     """Inserts the peg on the simulated rig with a trained skill.
 
     The trials start from tilts that the skill has not seen, and share no random draw with the demonstrations. The
-    controller measures the wrench and the depth, and nothing else. The stress arm has steep tilts, a pivot well off
+    controller measures the wrench and the depth, and nothing else. Hard trials have steep tilts, a pivot well off
     the mouth, and much friction.
 
     Reads a skill and a scenario. Writes into the folder of `--out` one run_NNNN.parquet per trial (NNNN = seed + k)
@@ -87,7 +87,7 @@ def main(
     from experiments.outputs.set_index import RUNS, SetIndex
     from experiments.provenance import versions
     from experiments.trial.run_trial import run_trials
-    from experiments.trial.trial_set import Arm
+    from experiments.trial.trial_set import TrialSet
     from interfaces.terminal import progress, say
     from models.scenario import dump_scenario, validate_scenario
     from skill.data.rig_run import write_rig_run
@@ -105,7 +105,7 @@ def main(
     validate_scenario(chosen, "command line")
     request = {
         **{"trials": trials, "seed": seed, "scenario": dump_scenario(chosen), "versions": versions()},
-        **{"skill": hashlib.sha256(skill.read_bytes()).hexdigest(), "arm": arm},
+        **{"skill": hashlib.sha256(skill.read_bytes()).hexdigest(), "trials_of": trials_of},
     }
     files = (*map(RUN.format, numbers), RESULTS)
     index = SetIndex(RUNS, request, files, reports=(REPORT, *map(REPLAY.format, numbers)))
@@ -120,7 +120,7 @@ def main(
             write_results(runs, done)
         missing = [number for number in numbers if number not in done]
         with progress("rig trials", len(missing)) as advance:
-            for result, record in run_trials(chosen, policy, missing, jobs=jobs, arm=Arm(arm)):
+            for result, record in run_trials(chosen, policy, missing, jobs=jobs, trial_set=TrialSet(trials_of)):
                 runs.write(RUN.format(result.seed), partial(write_rig_run, record))
                 done[result.seed] = result
                 write_results(runs, done)  # after each, so that they agree with the runs

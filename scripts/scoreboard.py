@@ -39,9 +39,9 @@ def main(
 ) -> None:
     """Compares the policies of a sweep: who inserts, how fast, how gently, and at what cost.
 
-    Reads the trials that `haptic-skill sweep` stored. Writes one page with a table for each arm, engine and choice of
-    factors, and curves over every factor with three values or more. Each number links the files of its trials and
-    tells the command that recomputes it. The page needs neither a network nor this program.
+    Reads the trials that `haptic-skill sweep` stored. Writes one page with a table for each set of trials, engine and
+    choice of factors, and curves over every factor with three values or more. Each number links the files of its trials
+    and tells the command that recomputes it. The page needs neither a network nor this program.
 
     Insertions have 95 % intervals over sets of demonstrations. Each policy is compared with one reference in the trials
     that both performed: the signs of the mean differences of the sets are flipped, and p-values corrected by Holm's

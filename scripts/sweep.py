@@ -48,7 +48,7 @@ def main(
         bool, typer.Option("--plan", help="Say how many trials are missing and what they cost; no more.")
     ] = False,
 ) -> None:
-    """Performs many trials: a grid or random design over scenario, training, policies, arms and physics engines.
+    """Performs many trials: a grid or random design over scenario, training, policies, trials and engines.
 
     Reads a specification. Writes one row for each trial into a Parquet data set in RESULTS/trials, which pandas and
     DuckDB read, and keeps the demonstrations and skills that it makes beside it. A row is identified by all that

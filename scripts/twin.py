@@ -9,15 +9,15 @@ import typer
 
 from scripts.command_line import OptionalScenarioName, Seed, path_option, text_option
 
-OFFSETS = {"default": 0.5, "stress": 1.0}
-"""Half width of the distributions of the place of the hole, mm, by the arm of the trials."""
+OFFSETS = {"usual": 0.5, "hard": 1.0}
+"""Half width of the distributions of the place of the hole, mm, by the set of the trials."""
 
 
 def main(
     robot: Annotated[Literal["fr3"], typer.Argument(help="Which arm.")] = "fr3",
     seed: Seed = 0,
-    arm: Annotated[
-        Literal["default", "stress"],
+    trials_of: Annotated[
+        Literal["usual", "hard"],
         typer.Option(help="Which trials the holes are of: all that the scenario contains, or only the hard ones."),
     ] = "default",
     offset_mm: Annotated[
@@ -25,7 +25,7 @@ def main(
         typer.Option(
             min=0.0,
             help="Largest distance, along x and along y, of a hole from where one believes it to be, mm.",
-            show_default="0.5, stress 1",
+            show_default="0.5, hard 1",
         ),
     ] = None,
     scenario: OptionalScenarioName = None,
@@ -49,17 +49,17 @@ def main(
 
     For example:
 
-        haptic-skill twin fr3 --seed 7 --arm stress
+        haptic-skill twin fr3 --seed 7 --trials-of hard
     """
     import time
 
-    from experiments.trial.trial_set import Arm
+    from experiments.trial.trial_set import TrialSet
     from interfaces.robots.fr3_twin import SENSOR_PAGE_PORT, SENSOR_PORT, Fr3Twin, Insertion
     from interfaces.terminal import say, write_json
     from models.scenario import load_scenario, validate_scenario
 
     chosen = load_scenario(scenario or robot)
-    chosen.arm.hole_offset_range = 1e-3 * (OFFSETS[arm] if offset_mm is None else offset_mm)
+    chosen.arm.hole_offset_range = 1e-3 * (OFFSETS[trials_of] if offset_mm is None else offset_mm)
     validate_scenario(chosen, "command line")
     rows: list[dict[str, Any]] = []
     clock = {"arm": 0.0, "wall": 0.0}  # at the end of the last hole, s
@@ -88,7 +88,7 @@ def main(
 
         meshcat = Meshcat()
         say(f"open {meshcat.web_url()}")
-    twin = Fr3Twin(chosen, seed=seed, trials=Arm(arm), host=host, ended=ended, meshcat=meshcat)
+    twin = Fr3Twin(chosen, seed=seed, trials=TrialSet(trials_of), host=host, ended=ended, meshcat=meshcat)
     url = f"netft://{host}:{SENSOR_PORT}:{SENSOR_PAGE_PORT}"
     say(f"the arm is at {host}, its sensor at {url}; in another terminal:")
     say(f"    haptic-skill arm --address {host} --sensor {url}")

@@ -21,22 +21,22 @@ def straight_push(training_context: TrainingContext) -> RigPolicy:
 
 
 def tuned_compliance(training_context: TrainingContext, candidates: int = 24) -> RigPolicy:
-    """Compliance, tuned on other trials of the cell and arm."""
+    """Compliance, tuned on other trials of the cell and set of trials."""
     return _tuned(MomentCompliance, training_context, candidates)
 
 
 def tuned_spiral(training_context: TrainingContext, candidates: int = 24) -> RigPolicy:
-    """A spiral search, tuned on other trials of the cell and arm."""
+    """A spiral search, tuned on other trials of the cell and set of trials."""
     return _tuned(SpiralSearch, training_context, candidates)
 
 
 def _tuned(law: type[TunedLaw], training_context: TrainingContext, candidates: int) -> RigPolicy:
-    arm = training_context.arm
-    if arm is None:
-        raise ValueError(f"{law.__name__} is tuned for the trials of one arm, so that it cannot have for_all_arms")
+    trial_set = training_context.trial_set
+    if trial_set is None:
+        raise ValueError(f"{law.__name__} is tuned for one set of trials: it cannot have for_all_trial_sets")
 
     def perform(k: int, candidate: TunedLaw, numbers: list[int]) -> list[Mapping[str, Any]]:
-        results = run_trials(training_context.scenario, candidate, numbers, jobs=1, arm=arm)
+        results = run_trials(training_context.scenario, candidate, numbers, jobs=1, trial_set=trial_set)
         return [result.record() for result, _ in results]
 
     return tune(law, training_context.scenario, candidates, perform)[0]

@@ -6,7 +6,7 @@
 Soft actor-critic of Stable-Baselines3 (extra [rl]) learns from nothing in ``interfaces.gym:PegInHole-v0``, on rigid
 bodies, with the dense reward and one thread. It sees the measured wrench and depth, as the skill does, and commands
 turns and feed; it gets neither demonstrations nor contact states. Its training trials are drawn (`FIRST_DRAWN` and
-above). Before the first step and after every ``--every`` steps it performs ``--trials`` trials of the default arm from
+above). Before the first step and after every ``--every`` steps it performs ``--trials`` trials of the usual set from
 `FIRST_TRIAL` on without exploring. So do the skill and a law that pushes straight on with 10 mm/s. No setting was tuned
 on these trials.
 
@@ -35,7 +35,7 @@ from numpy.typing import ArrayLike
 from benchmarks.command_line import JsonFile, SkillFile, finish, run
 from benchmarks.rig.control_laws import StraightPush
 from experiments.sweeps.policies import TrainingContext
-from experiments.trial.trial_set import Arm
+from experiments.trial.trial_set import TrialSet
 from interfaces.gym.agents import PolicyAgent, run_episode
 from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import console, progress, write_json
@@ -64,9 +64,9 @@ SETTINGS: dict[str, Any] = {
 }
 
 
-def learning_environment(scenario: str | Scenario, arm: Arm = Arm.DEFAULT) -> gymnasium.Env[Any, Any]:
+def learning_environment(scenario: str | Scenario, trial_set: TrialSet = TrialSet.USUAL) -> gymnasium.Env[Any, Any]:
     """Returns the environment as the networks need it: a scaled measurement, actions within 1."""
-    env = gymnasium.make(ENVIRONMENT, scenario=scenario, labels=False, arm=arm)
+    env = gymnasium.make(ENVIRONMENT, scenario=scenario, labels=False, trial_set=trial_set)
     space = spaces.Box(-np.inf, np.inf, SCALES.shape, np.float32)
     env = TransformObservation(env, lambda seen: scaled(measurement(seen["wrench"], seen["depth"][0])), space)
     return RescaleAction(env, np.float64(-1.0), np.float64(1.0))
@@ -97,9 +97,9 @@ class LearntLaw(ControlLaw):
 
 
 def soft_actor_critic(training_context: TrainingContext, steps: int = 100_000, seed: int = 0) -> LearntLaw:
-    """A policy for sweeps that soft actor-critic learns from nothing, in trials of the arm, or else in usual ones."""
-    arm = training_context.arm or Arm.DEFAULT
-    *_, (law, _, _) = learn(training_context.scenario, arm, steps=steps, every=steps, seed=seed)
+    """A policy for sweeps that soft actor-critic learns from nothing, in trials of the set, or else in usual ones."""
+    trial_set = training_context.trial_set or TrialSet.USUAL
+    *_, (law, _, _) = learn(training_context.scenario, trial_set, steps=steps, every=steps, seed=seed)
     return law
 
 
@@ -122,14 +122,14 @@ def evaluate(scenario: str | Scenario, policy: RigPolicy, trials: int) -> dict[s
 
 
 def learn(
-    scenario: str | Scenario, arm: Arm = Arm.DEFAULT, *, steps: int, every: int, seed: int
+    scenario: str | Scenario, trial_set: TrialSet = TrialSet.USUAL, *, steps: int, every: int, seed: int
 ) -> Iterator[tuple[LearntLaw, int, float]]:
     """Trains; yields law, steps and CPU time (s) of the training, at its beginning and after every so many steps."""
     import torch
     from stable_baselines3 import SAC
 
     torch.set_num_threads(1)
-    env = learning_environment(scenario, arm)
+    env = learning_environment(scenario, trial_set)
     space = env.unwrapped.action_space
     assert isinstance(space, spaces.Box)
     model = SAC("MlpPolicy", env, seed=seed, device="cpu", **SETTINGS)

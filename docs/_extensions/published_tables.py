@@ -45,19 +45,19 @@ class PublishedTrials(SphinxDirective):
 
 
 def tables(board: Scoreboard, name: str) -> str:
-    """Returns Markdown: what the trials are, the commands that perform them, and a table for each arm and engine."""
+    """Returns Markdown: the trials, the commands that perform them, and a table for each set of trials and engine."""
     sweeps = [f"docs/{name}/sweeps/{sweep.path.name}" for sweep in board.sweeps]
     commands = "\n".join(f"    haptic-skill sweep {sweep} --out out/sweeps/{name}" for sweep in sweeps)
     notes = "\n\n".join(f"**{text}**" for text in warnings(board))
     page = f'<a href="tables/{name}.html">All columns, curves, and the command behind each number</a>.'
     parts = [f"{about(board)}. {page}", notes, commands]
-    for conditions, found in groupby(board.tables, lambda table: (table.cell.arm, table.cell.engine)):
+    for conditions, found in groupby(board.tables, lambda table: (table.cell.trial_set, table.cell.engine)):
         rows = [row_text(table.cell, row) for table in found for row in table.rows]
         heads = ["conditions", "policy", *HEADINGS.values()]
         varied = any(row[0] for row in rows)
         lines = [heads, ["---"] * len(heads), *rows]
         text = "\n".join(f"| {' | '.join(line if varied else line[1:])} |" for line in lines)
-        parts.append(f"**{conditions[0].capitalize()} arm, {conditions[1]}**\n\n{text}")
+        parts.append(f"**{conditions[0].capitalize()} trials, {conditions[1]}**\n\n{text}")
     parts.append("\n".join(f"- *{column.name}*: {column.tip}." for column in COLUMNS if column.name in SHOWN))
     return "\n\n".join(part for part in parts if part)
 

@@ -54,12 +54,16 @@ contexts = pd.concat(
 
 learnt, stateless = learning.query("policy == 'skill'"), learning.query("policy == 'LWR without states'")
 sets_below_90 = (
-    learnt.groupby(["value", "arm", "demonstration_set"]).inserted.mean().lt(0.9).groupby(["value", "arm"]).sum()
+    learnt.groupby(["value", "trial_set", "demonstration_set"])
+    .inserted.mean()
+    .lt(0.9)
+    .groupby(["value", "trial_set"])
+    .sum()
 )
-states_pay = against("learning", "LWR without states", "skill").groupby("arm")[["better", "worse"]].sum()
+states_pay = against("learning", "LWR without states", "skill").groupby("trial_set")[["better", "worse"]].sum()
 
 asked, unasked = (sets[sets.policy.eq(name) & sets.value.gt(0)] for name in ("skill with corrections", "skill"))
-asked_pairs = against("sets", "skill", "skill with corrections").query("value == 20").sort_values("arm")
+asked_pairs = against("sets", "skill", "skill with corrections").query("value == 20").sort_values("trial_set")
 
 taught = sections[~sections.policy.str.startswith("taught with a ")]
 other_part = sections[sections.policy.str.startswith("taught with a ")]
@@ -73,28 +77,30 @@ undone = [
     *("bad left out", "states by literal CA", "LWR without states", "raw features", "normalised features"),
     *("bad imitated", "free demonstrations"),
 ]
-by_policy = scoreboard.groupby(["policy", "arm"])
-times = scoreboard[scoreboard.inserted].groupby(["policy", "arm"]).time_s.median()
+by_policy = scoreboard.groupby(["policy", "trial_set"])
+times = scoreboard[scoreboard.inserted].groupby(["policy", "trial_set"]).time_s.median()
 with_states = pd.concat(
     [
         against("scoreboard", "LWR without states", name)
         for name in ("CA states + LWR", "contexts + LWR", "CA states, contexts + LWR")
     ]
-).groupby("arm")
+).groupby("trial_set")
 stateless_sets = scoreboard.query("policy == 'LWR without states' and not inserted")
-contexts_too = against("scoreboard", "CA states + LWR", "CA states, contexts + LWR").query("arm == 'stress'").iloc[0]
+contexts_too = (
+    against("scoreboard", "CA states + LWR", "CA states, contexts + LWR").query("trial_set == 'hard'").iloc[0]
+)
 loads = by_policy[["mean_load_n", "peak_load_n"]].median()
 
 rungs = ladder.replace({"policy": {"taught there": "skill, taught there", "taught at 0.005": "skill, carried over"}})
 rung_table = pd.concat(
     [
-        inserted(rungs, "policy", "arm", "value").unstack(),
-        rungs[rungs.inserted].groupby(["policy", "arm", "value"]).time_s.median().unstack(),
+        inserted(rungs, "policy", "trial_set", "value").unstack(),
+        rungs[rungs.inserted].groupby(["policy", "trial_set", "value"]).time_s.median().unstack(),
     ],
     axis=1,
 )
-rung = inserted(rungs, "value", "arm", "policy")
-untrusted = ladder[~ladder.trusted].groupby(["value", "arm", "policy"]).size()
+rung = inserted(rungs, "value", "trial_set", "policy")
+untrusted = ladder[~ladder.trusted].groupby(["value", "trial_set", "policy"]).size()
 loose = rungs.query("value > 0.03 and policy == 'moment compliance, tuned there'")
 
 point = curves[(curves.engine == "exact") | (curves.factor == "training.size")]
@@ -118,7 +124,7 @@ over = exact_curve.groupby(["factor", "value"]).apply(above_limit, include_group
 largest = exact_curve.groupby(["factor", "value"]).peak_measured_load_n.max()
 drake_curve = inserted(curves.query("engine == 'drake' and factor != 'training.size'"), "policy", "factor", "value")
 
-planned = sets.query("factor == '' and arm == 'stress' and trial < 83020 and policy != 'skill with corrections'")
+planned = sets.query("factor == '' and trial_set == 'hard' and trial < 83020 and policy != 'skill with corrections'")
 planned = planned.replace(
     {
         "policy": {
@@ -138,7 +144,7 @@ other_delays = sorted(plan.delays)[:-1]
 
 mujoco = engines.query("engine == 'mujoco' and value == 0.002")
 three = pd.concat([alone, mujoco])
-three_medians = three.groupby(["engine", "arm"]).median(numeric_only=True)
+three_medians = three.groupby(["engine", "trial_set"]).median(numeric_only=True)
 first_five = pd.concat([alone[alone.trial < 94005], mujoco])
 half = pd.concat([all_fresh, engines]).query("policy == 'skill' and value == 0.001")
 whole = pd.concat([all_fresh, engines]).query("policy == 'skill' and value == 0.002")
@@ -153,10 +159,10 @@ stuck = mujoco[~mujoco.inserted]
 few = [("noise", 64.0), ("rig.pivot_range", 0.012), ("rig.mount_stiffness", 400_000.0)]
 loaded = [("noise", 1.0), ("friction", 0.4), ("rig.pivot_range", 0.012)]
 compared = [name for name in times.index.unique("policy") if (scoreboard.policy == name).sum() == 200]
-sixty_times = sixty[sixty.inserted].groupby(["policy", "arm"]).time_s.median()
+sixty_times = sixty[sixty.inserted].groupby(["policy", "trial_set"]).time_s.median()
 round_exact = pd.concat([all_fresh, learning, curves, engines, arms]).query("engine == 'exact'")
 both_steps = both(half.query("engine == 'exact'"), whole.query("engine == 'exact'"))
-contexts_harder = contexts.query("arm == 'stress'")[["better", "worse"]]
+contexts_harder = contexts.query("trial_set == 'hard'")[["better", "worse"]]
 planned_table = planned.groupby("policy").apply(summary, include_groups=False)
 planned_table["back_offs"] = planned.groupby("policy").back_offs.sum()
 planned_table["load"] = planned.groupby("policy").peak_measured_load_n.max()
@@ -194,13 +200,13 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
         ("up to {} demonstrations that the skill asked for",
          word(corrected.demonstrations.max() - 30)),
         ("with those it asked for | {}, {} of 250 | {}, {} of 250 |",
-         inserted(fresh.query("engine == 'drake'"), "arm", "policy")),
+         inserted(fresh.query("engine == 'drake'"), "trial_set", "policy")),
         ("| {} of 1,000 ({}) | {} of 1,000 ({}) | `haptic-skill scoreboard docs/learning` |",
-         inserted(learnt.query("value in [10, 30]"), "arm", "value")),
+         inserted(learnt.query("value in [10, 30]"), "trial_set", "value")),
         ("| {:,} of 2,000 | {:,} of 2,000 | `haptic-skill scoreboard docs/sections` |",
          inserted(sections_corrected)),
         ("| {}, {}, {} of 100 | {}, {}, {} of 100 | `haptic-skill scoreboard docs/scoreboard` |",
-         inserted(scoreboard.query("policy in ['CA states + LWR', 'Gaussian mixture regression', 'moment compliance, tuned']"), "arm", "policy")),
+         inserted(scoreboard.query("policy in ['CA states + LWR', 'Gaussian mixture regression', 'moment compliance, tuned']"), "trial_set", "policy")),
         ("Failures have pivots {:.0f} to {:.0f} mm",
          fresh[~fresh.inserted].pivot_mm.abs().agg(["min", "max"])),
         ("without any, the last row has {} and {}.",
@@ -208,21 +214,21 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
     ],
     "docs/results.md": [
         ("| {} | {}, {} | {}, {} | {}, {} | {}, {} |",
-         inserted(pd.concat([alone, corrected]), "demonstration_set", "policy", "engine", "arm") .unstack([1, 2, 3]) .sort_index(axis=1, ascending=[True, False, True])),
+         inserted(pd.concat([alone, corrected]), "demonstration_set", "policy", "engine", "trial_set") .unstack([1, 2, 3]) .sort_index(axis=1, ascending=[True, False, True])),
         ("| all | {}, {} of 400 | {}, {} of 250 | {}, {} of 400 | {}, {} of 250 |",
-         inserted(pd.concat([alone, corrected]), "policy", "engine", "arm").sort_index(ascending=[True, False, True])),
+         inserted(pd.concat([alone, corrected]), "policy", "engine", "trial_set").sort_index(ascending=[True, False, True])),
         ("With corrections, {2:.0f} % of the usual and {3:.1f} % of the harder trials are inserted on rigid bodies, {0:.0f} and {1:.1f} % in Drake**",
-         list(100 * corrected.groupby(["engine", "arm"]).inserted.mean())),
+         list(100 * corrected.groupby(["engine", "trial_set"]).inserted.mean())),
         ("and {:.0f} % or more with every set. The skills asked for",
-         100 * corrected.groupby(["engine", "arm", "demonstration_set"]).inserted.mean().min()),
+         100 * corrected.groupby(["engine", "trial_set", "demonstration_set"]).inserted.mean().min()),
         ("The skills asked for {} to {}.",
          corrected.demonstrations.agg(["min", "max"]) - 30),
         ("As demonstrated it is {2:.1f} and {3:.1f} %, in Drake {0:.1f} and {1:.1f} %",
-         list(100 * alone.groupby(["engine", "arm"]).inserted.mean())),
+         list(100 * alone.groupby(["engine", "trial_set"]).inserted.mean())),
         ("all within {:.1f} and {:.1f} %)",
-         alone.groupby(["engine", "arm"]).apply(summary, include_groups=False).agg({"low": "min", "high": "max"})),
+         alone.groupby(["engine", "trial_set"]).apply(summary, include_groups=False).agg({"low": "min", "high": "max"})),
         ("%), {:.0f} % or more with every set.",
-         alone.groupby(["engine", "arm"]).apply(summary, include_groups=False).worst.min()),
+         alone.groupby(["engine", "trial_set"]).apply(summary, include_groups=False).worst.min()),
         ("skills that insert {} and {} of 400 there, with corrections {} and {}.",
          [*inserted(shown_exact), *inserted(corrected_shown_exact)]),
         ("of {} trials that both performed, {} are inserted in the exact engine only and {} in Drake only.",
@@ -242,9 +248,9 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
         ("in {} of 800 trials as demonstrated, by {:.1f} N at most, and in {} with corrections ({:.1f} N); in Drake it is at most {:.1f} N.",
          [*(above_limit(alone_exact), alone_exact.peak_measured_load_n.max() - 40), *(above_limit(corrected_exact), corrected_exact.peak_measured_load_n.max()), fresh.query("engine == 'drake'").peak_measured_load_n.max()]),
         ("| {0:.0f} | {1:.0f} of 1,000 | {3:.0f}-{5:.0f} % | {7:.0f} % | {9:.1f} s | {11} of 200 | {2:.0f} of 1,000 | {4:.0f}-{6:.0f} % | {8:.0f} % | {10:.1f} s | {12} of 200 |",
-         pd.concat([learnt.groupby(["value", "arm"]).apply(summary, include_groups=False).unstack(), inserted(stateless, "value", "arm").unstack()], axis=1)),
+         pd.concat([learnt.groupby(["value", "trial_set"]).apply(summary, include_groups=False).unstack(), inserted(stateless, "value", "trial_set").unstack()], axis=1)),
         ("With thirty demonstrations every set but {} inserts at least 90 % of the harder trials",
-         word(sets_below_90[30, "stress"])),
+         word(sets_below_90[30, "hard"])),
         ("from ten, {} of twenty sets insert less than 90 % of the usual trials, and {} less than 90 % of the harder ones.",
          sets_below_90[10].map(word)),
         ("(p over the sets {:.2f} or more)",
@@ -252,33 +258,33 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
         ("{} usual and {} harder ones are inserted only with states, {} and {} only without",
          [*states_pay.better, *states_pay.worse]),
         ("ten insert {} and {} of 60 trials, thirty {} and {} ([table](curves.md)).",
-         inserted(curves.query("policy == 'demonstrations' and value in [10, 30]"), "value", "arm")),
+         inserted(curves.query("policy == 'demonstrations' and value in [10, 30]"), "value", "trial_set")),
         ("| {0:.0f} | {1:.1f} | {2:.0f} of 60 | {4:.0f}-{6:.0f} % | {8:.0f} % | {10:.1f} s | {12} | {3:.0f} of 60 | {5:.0f}-{7:.0f} % | {9:.0f} % | {11:.1f} s | {13} |",
-         pd.concat([asked.groupby("value").demonstrations.mean(), asked.groupby(["value", "arm"]).apply(summary, include_groups=False).unstack(), inserted(unasked, "value", "arm").unstack()], axis=1)),
-        ("insert {} of 60 in each arm**",
+         pd.concat([asked.groupby("value").demonstrations.mean(), asked.groupby(["value", "trial_set"]).apply(summary, include_groups=False).unstack(), inserted(unasked, "value", "trial_set").unstack()], axis=1)),
+        ("insert {} of 60 of each set**",
          inserted(asked[asked.value == 20]).unique()[0]),
         ("{} of the harder trials are better and {} worse ({} of the {} with one set), {} usual ones better and none worse",
          [*asked_pairs.iloc[1][["better", "worse"]], max(asked_pairs.iloc[1].gains), *asked_pairs.better[::-1]]),
         ("| {0} | {7}, {8} | {1}, {2} | {5}, {6} | {9}, {10} | {11:.0f} N | {3}, {4} |",
-         pd.concat([inserted(taught, "value", "policy", "engine", "arm").unstack([1, 2, 3]).sort_index(axis=1), sections_corrected.query("arm == 'default'").groupby("value").peak_load_n.median()], axis=1).rename({"d": "D"})),
+         pd.concat([inserted(taught, "value", "policy", "engine", "trial_set").unstack([1, 2, 3]).sort_index(axis=1), sections_corrected.query("trial_set == 'usual'").groupby("value").peak_load_n.median()], axis=1).rename({"d": "D"})),
         ("| all | {6:.0f}, {7:.0f} % | {0:.0f}, {1:.0f} % | {4:.0f}, {5:.0f} % | {8:.0f}, {9:.0f} % | | {2:.0f}, {3:.0f} % |",
-         list(100 * taught.groupby(["policy", "engine", "arm"]).inserted.mean())),
+         list(100 * taught.groupby(["policy", "engine", "trial_set"]).inserted.mean())),
         ("the least p of ten tables is {:.3f} (harder hexagons, {} better, none worse;",
          [least.p, least.better]),
         ("Rectangle ({3:.0f} % usual) and D ({0:.2f} % usual) miss it.",
-         list(100 * sections_corrected.query("arm == 'default'").groupby("value").inserted.mean())),
+         list(100 * sections_corrected.query("trial_set == 'usual'").groupby("value").inserted.mean())),
         ("{} of its trials of all policies end with a fault",
          (sections[sections.value == "rectangle"].fault != "").sum()),
         ("passes it in {0} of 2,000 usual and {1} of 2,000 harder trials, up to {2:.0f} and {3:.0f} N.",
-         [*sections_corrected.groupby("arm").apply(above_limit, include_groups=False), *sections_corrected.groupby("arm").peak_measured_load_n.max()]),
+         [*sections_corrected.groupby("trial_set").apply(above_limit, include_groups=False), *sections_corrected.groupby("trial_set").peak_measured_load_n.max()]),
         ("In Drake {} of 200 usual and {} of 200 harder trials are trusted**",
-         sections.query("engine == 'drake'").groupby("arm").trusted.sum()),
+         sections.query("engine == 'drake'").groupby("trial_set").trusted.sum()),
         ("in the exact engine all but {} of {:,}:",
          [(~sections.query("engine == 'exact'").trusted).sum(), (sections.engine == "exact").sum()]),
         ("| {0} | {9}, {10} | {3}, {4} | {7}, {8} | {5}, {6} | {1}, {2} | {11}, {12} |",
-         pd.concat([inserted(other_part, "taught", "value", "arm").unstack([1, 2]).sort_index(axis=1), inserted(other_part, "taught", "arm").unstack()], axis=1)),
+         pd.concat([inserted(other_part, "taught", "value", "trial_set").unstack([1, 2]).sort_index(axis=1), inserted(other_part, "taught", "trial_set").unstack()], axis=1)),
         ("| {} | {}, {} | {}, {} |",
-         inserted(clocking, "value", "policy", "arm").unstack([1, 2]).sort_index(axis=1)),
+         inserted(clocking, "value", "policy", "trial_set").unstack([1, 2]).sort_index(axis=1)),
     ],
     "docs/comparisons.md": [
         ("| {} | {} ({}) | {} ({}) | {} ({}) | {} ({}) | {} ({}) |",
@@ -290,34 +296,34 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
         ("touch is enough for {} insertions; an earlier one, drawn anew each time, for {}, but with a load of {:.0f} N in place of {:.0f} N (medians).",
          [*by_wrench.loc["skill", [("frozen", "inserted"), ("shuffled", "inserted")]], *wrench_loads[["shuffled", "true"]]]),
         ("| {} | {} | {} | {:.2f} | {:.2f} |",
-         pd.concat([inserted(scoreboard, "policy", "arm").unstack(), times.unstack()], axis=1).loc[compared]),
+         pd.concat([inserted(scoreboard, "policy", "trial_set").unstack(), times.unstack()], axis=1).loc[compared]),
         ("| no correction | {} | {} | – | – |",
          inserted(scoreboard.query("policy == 'no correction'"))),
-        ("({} usual trials better, none worse), in {:.1f} to {:.1f} s less; under stress ({} better, {} worse), in {:.1f} to {:.1f} s less.",
-         [with_states.better.max().default, -with_states.slower.max().default, -with_states.slower.min().default, with_states.better.max().stress, with_states.worse.max().stress, -with_states.slower.max().stress, -with_states.slower.min().stress]),
-        ("all {:.0f} failures without states under stress are of set {:.0f}",
-         stateless_sets.query("arm == 'stress'").demonstration_set.agg(["size", "max"])),
+        ("({} usual trials better, none worse), in {:.1f} to {:.1f} s less; in hard trials ({} better, {} worse), in {:.1f} to {:.1f} s less.",
+         [with_states.better.max().usual, -with_states.slower.max().usual, -with_states.slower.min().usual, with_states.better.max().hard, with_states.worse.max().hard, -with_states.slower.max().hard, -with_states.slower.min().hard]),
+        ("all {:.0f} failures without states in hard trials are of set {:.0f}",
+         stateless_sets.query("trial_set == 'hard'").demonstration_set.agg(["size", "max"])),
         ("by default {}, {}, {} and {} of the four sets.",
-         [*stateless_sets.query("arm == 'default'").demonstration_set.value_counts(), 0]),
-        ("contexts add {:.1f} s that are saved under stress ({:.1f} to {:.1f} s with three sets, nothing with one)",
+         [*stateless_sets.query("trial_set == 'usual'").demonstration_set.value_counts(), 0]),
+        ("contexts add {:.1f} s that are saved in hard trials ({:.1f} to {:.1f} s with three sets, nothing with one)",
          [-contexts_too.slower, *-pd.Series(sorted(contexts_too.delays)[2::-2])]),
         ("GMM-BIC has {} to {} components where CA has {} or {} states",
          [*scoreboard[scoreboard.policy == "GMM-BIC states + LWR"].states.agg(["min", "max"]), *scoreboard[scoreboard.policy == "CA states + LWR"].states.agg(["min", "max"])]),
-        ("{0:.1f} N in contact where the skill has {2:.1f} N, its largest load is {1:.0f} N where the skill has {3:.0f} N (medians); under stress {4:.0f} N where it has {5:.0f} N.",
-         [*loads.loc["moment compliance, tuned", "default"], *loads.loc["CA states + LWR", "default"], *(loads.peak_load_n[name, "stress"] for name in ("moment compliance, tuned", "CA states + LWR"))]),
+        ("{0:.1f} N in contact where the skill has {2:.1f} N, its largest load is {1:.0f} N where the skill has {3:.0f} N (medians); in hard trials {4:.0f} N where it has {5:.0f} N.",
+         [*loads.loc["moment compliance, tuned", "usual"], *loads.loc["CA states + LWR", "usual"], *(loads.peak_load_n[name, "hard"] for name in ("moment compliance, tuned", "CA states + LWR"))]),
         ("The largest measured load of any row is {:.0f} N** ({})",
          [scoreboard.peak_measured_load_n.max(), scoreboard.policy[scoreboard.peak_measured_load_n.idxmax()]]),
-        *(("| {0} | {5} ({10:.1f}) | {4} ({9:.1f}) | {3} ({8:.1f}) | {2} ({7:.1f}) | {1} ({6:.1f}) |", rung_table.xs(arm, level="arm")) for arm in ("default", "stress")),
+        *(("| {0} | {5} ({10:.1f}) | {4} ({9:.1f}) | {3} ({8:.1f}) | {2} ({7:.1f}) | {1} ({6:.1f}) |", rung_table.xs(arm, level="trial_set")) for arm in ("usual", "hard")),
         ("the skill inserts at least {} of 200 at every clearance tried**",
          rung.xs("skill, carried over", level="policy").min()),
         ("at 0.038 its mean load is {:.0f} N, {:.0f} N if it is taught there.",
-         rungs.query("value == 0.038 and arm == 'default' and policy.str.startswith('skill')") .groupby("policy") .mean_load_n.median()),
+         rungs.query("value == 0.038 and trial_set == 'usual' and policy.str.startswith('skill')") .groupby("policy") .mean_load_n.median()),
         ("at 0.038 the skill of one of the four sets inserts {} and {} of 50.",
          inserted(ladder.query("value == 0.038 and demonstration_set == 768 and policy.str.startswith('Gaussian')"))),
-        ("of the skill taught there {} of {} failures under stress are of one of the four sets.",
-         [50 - inserted(ladder.query("value == 0.0025 and arm == 'stress' and policy == 'taught there'"), "demonstration_set").min(), 200 - rung[0.0025, "stress", "skill, taught there"]]),
+        ("of the skill taught there {} of {} failures in hard trials are of one of the four sets.",
+         [50 - inserted(ladder.query("value == 0.0025 and trial_set == 'hard' and policy == 'taught there'"), "demonstration_set").min(), 200 - rung[0.0025, "hard", "skill, taught there"]]),
         ("{} to {} of 200 usual and {} to {} harder trials overlap by more than a quarter of the clearance; at 0.005 it is {} to {} and {} to {}.",
-         list(untrusted.groupby(["value", "arm"]).agg(["min", "max"]).stack())),
+         list(untrusted.groupby(["value", "trial_set"]).agg(["min", "max"]).stack())),
         ("| | {1:,.0f} ({6:.1f}-{11:.1f} %) / {26} | {2:,.0f} ({7:.1f}-{12:.1f} %) / {27} | {3:,.0f} ({8:.1f}-{13:.1f} %) / {28} | {4:,.0f} ({9:.1f}-{14:.1f} %) / {29} | {5:,.0f} ({10:.1f}-{15:.1f} %) / {30} |",
          curve_table),
         ("at most {} of the 100 trials a point that both perform are inserted by the skill only, and at most {} by the regression only",
@@ -334,13 +340,13 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
         ("in {} with 64 times the noise ({:.0f} N)",
          [over["noise", 64], largest["noise", 64]]),
         ("| {} | {} | {} |",
-         inserted(sixty, "policy", "arm").unstack().loc[undone]),
+         inserted(sixty, "policy", "trial_set").unstack().loc[undone]),
         ("the skill inserts fewer, in {:.1f} and {:.1f} s where it takes {:.1f} and {:.1f} s.",
          [*sixty_times["free demonstrations"], *sixty_times["CA states + LWR"]]),
     ],
     "docs/limits.md": [
         ("In Drake, in {:.0f} % of the usual and {:.0f} % of the harder trials of [ten sets]",
-         100 - 100 * alone_drake.groupby("arm").trusted.mean()),
+         100 - 100 * alone_drake.groupby("trial_set").trusted.mean()),
         ("In the exact engine {} trials of the round peg are trusted.",
          "all" if round_exact.trusted.all() else "not all"),
     ],
@@ -348,9 +354,9 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
         ("{:.0f} % of [Drake's trials](#trials-in-three-engines) exceed 12.5 µm.",
          100 * (alone_drake.penetration_um > 12.5).mean()),
         ("| inserted | {2}, {3} of 400 | {0}, {1} of 250 | {4}, {5} of 50 |",
-         list(inserted(three, "engine", "arm"))),
+         list(inserted(three, "engine", "trial_set"))),
         ("| time | {2:.2f}, {3:.2f} s | {0:.2f}, {1:.2f} s | {4:.2f}, {5:.2f} s |",
-         list(three[three.inserted].groupby(["engine", "arm"]).time_s.median())),
+         list(three[three.inserted].groupby(["engine", "trial_set"]).time_s.median())),
         ("| mean load | {2:.1f}, {3:.1f} N | {0:.1f}, {1:.1f} N | {4:.1f}, {5:.1f} N |",
          list(three_medians.mean_load_n)),
         ("| largest load | {2:.1f}, {3:.1f} N | {0:.1f}, {1:.1f} N | {4:.1f}, {5:.1f} N |",
@@ -360,25 +366,25 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
         ("| overlap | {2:.1f}, {3:.1f} µm | {0:.1f}, {1:.1f} µm | {4:.1f}, {5:.1f} µm |",
          list(three_medians.penetration_um)),
         ("| physics trusted | {2:.0f}, {3:.0f} % | {0:.0f}, {1:.0f} % | {4:.0f}, {5:.0f} % |",
-         list(100 * three.groupby(["engine", "arm"]).trusted.mean())),
+         list(100 * three.groupby(["engine", "trial_set"]).trusted.mean())),
         ("| these 50 and 50 trials: inserted | {2}, {3} | {0}, {1} | {4}, {5} |",
-         list(inserted(first_five, "engine", "arm"))),
+         list(inserted(first_five, "engine", "trial_set"))),
         ("| at half the step | {2}, {3} | {0}, {1} | {4}, {5} |",
-         list(inserted(half_first, "engine", "arm"))),
+         list(inserted(half_first, "engine", "trial_set"))),
         ("At half the step the exact engine inserts the same {} of {} trials",
          [both_steps[0] - sum(both_steps[1:]), both_steps[0]]),
         ("largest loads have medians of {:.1f} and {:.1f} N instead of {:.1f} and {:.1f} N, single contacts {:.1f} and {:.1f} N instead of {:.1f} and {:.1f} N.",
-         [value for column in ("peak_load_n", "peak_contact_n") for rows in (half, whole) for value in rows.query("engine == 'exact'").groupby("arm")[column].median()]),
+         [value for column in ("peak_load_n", "peak_contact_n") for rows in (half, whole) for value in rows.query("engine == 'exact'").groupby("trial_set")[column].median()]),
         ("a single contact has twice the force of Drake's, {:.0f} and {:.0f} N.",
-         [three_medians.peak_contact_n[name, "stress"] for name in ("exact", "drake")]),
+         [three_medians.peak_contact_n[name, "hard"] for name in ("exact", "drake")]),
         ("In the first five trials of each set it does not, {1:.0f} and {0:.0f} N.",
-         list(first_five[first_five.engine != "mujoco"] .query("arm == 'stress'") .groupby("engine") .peak_contact_n.median())),
+         list(first_five[first_five.engine != "mujoco"] .query("trial_set == 'hard'") .groupby("engine") .peak_contact_n.median())),
         ("Gaussian mixture regression inserts {2} and {3} in the exact engine and {0} and {1} in Drake, regression without states {6} and {7}, and {4} and {5}, tuned moment compliance {10} and {11}, and {8} and {9}, the skill {14} and {15}, and {12} and {13}.",
-         list(inserted(laws, "policy", "engine", "arm"))),
+         list(inserted(laws, "policy", "engine", "trial_set"))),
         ("Of 200 pairs, {}, {}, {} and {} differ.",
          laws_differ),
         ("{:.0f} % of its harder trials are not trusted",
-         100 - 100 * alone_drake.groupby("arm").trusted.mean().stress),
+         100 - 100 * alone_drake.groupby("trial_set").trusted.mean().hard),
         ("inserts {} of {} trials of which the others insert {} and {}, at half the step {}; {} pairs differ between the two steps.",
          [*mujoco.inserted.agg(["sum", "size"]), *inserted(first_five, "engine")[["drake", "exact"]], half.query("engine == 'mujoco'").inserted.sum(), sum(both(mujoco, half.query("engine == 'mujoco'"))[1:])]),
         ("at pivots {:.1f} to {:.1f} mm below it",
@@ -414,7 +420,7 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
         ("median clock of the arm {:.2f} of real time",
          protocol.clock.median()),
         ("the pivot up to 3 mm off | {} of 400 |",
-         inserted(alone_exact).default),
+         inserted(alone_exact).usual),
         ("| arm, one diagram (above) | {} of {} | {:.1f} s | {:.0f} N | {}, up to {:.0f} N |", arm_row("skill")),
         ("| {} of {} | {:.1f} s | {:.0f} N | {}, up to {:.0f} N |",
          [*protocol.inserted.agg(["sum", "size"]), protocol.time_s.median(), protocol.measured_load_n.median(), (protocol.measured_load_n > 40).sum(), protocol.measured_load_n.max()]),

@@ -27,15 +27,15 @@ PYTHON = shlex.quote(sys.executable)
 OUT = ROOT / "out"
 
 
-def trial(arm: str, chosen: Callable[[dict[str, Any]], Any]) -> Path:
-    """Returns the first chosen trial of the demo, or of the arm "stress", whose trials are performed if need be.
+def trial(trial_set: str, chosen: Callable[[dict[str, Any]], Any]) -> Path:
+    """Returns the first chosen trial of the demo, or of the set "hard", whose trials are performed if need be.
 
     Raises:
         ValueError: if there is none.
     """
-    folder = OUT / ("rig" if arm == "default" else arm)
-    if not folder.exists() and arm == "stress":
-        shell(f"{PYTHON} -m haptic_skill rig --trials 20 --arm stress --out {shlex.quote(str(folder))}")
+    folder = OUT / ("rig" if trial_set == "usual" else trial_set)
+    if not folder.exists() and trial_set == "hard":
+        shell(f"{PYTHON} -m haptic_skill rig --trials 20 --trials-of hard --out {shlex.quote(str(folder))}")
     for number, result in enumerate(json.loads((folder / "results.json").read_text())):
         if chosen(result):
             return folder / f"run_{number:04d}.parquet"
@@ -55,12 +55,12 @@ def jammed() -> Path:
 
 def wedged() -> Path:
     """A harder trial in which friction alone could hold the peg for over a second."""
-    return trial("stress", lambda result: result["wedged_s"] > 1.0)
+    return trial("hard", lambda result: result["wedged_s"] > 1.0)
 
 
 def harder() -> Path:
     """A harder trial without a back-off."""
-    return trial("stress", lambda result: result["inserted"] and not result["back_offs"])
+    return trial("hard", lambda result: result["inserted"] and not result["back_offs"])
 
 
 def asked() -> Path:
@@ -99,7 +99,7 @@ COMMANDS: dict[str, Callable[[], str]] = {
     "insertion.webp": lambda: film("insertion", {"insertion": usual()}),
     "jam.webp": lambda: film("jam", {"a jam: pushed without levelling": jammed()}, f"{STATES} --end 1.8"),
     "wedge.webp": lambda: film("wedge", {"a wedge: two contacts squeeze the peg": wedged()}, "--end 2.4"),
-    "stress.webp": lambda: film("stress", {"a usual trial": usual(), "a harder trial": harder()}),
+    "stress.webp": lambda: film("hard", {"a usual trial": usual(), "a harder trial": harder()}),
     "correction.webp": lambda: film("correction", {"a correction: shown where the skill was stuck": asked()}, STATES),
     "insertion.png": lambda: "cp out/fig5_insertion.png docs/pictures/insertion.png",
     "demonstrations.png": lambda: "cp out/demonstrations/demonstrations.png docs/pictures/demonstrations.png",

@@ -2,9 +2,10 @@
 
     python docs/_tools/published_results.py out/sweeps/peers docs/scoreboard
 
-The copy is a folder of results that `haptic-skill scoreboard` reads, with one small file for each policy, arm and
-engine. It leaves out the skills, the demonstrations and the column ``scenario``, which follows from the specification,
-the arm and the number of the trial. `docs/_tools/restored_results.py` makes of it results that a sweep goes on with.
+The copy is a folder of results that `haptic-skill scoreboard` reads, with one small file for each policy, set of
+trials and engine. It leaves out the skills, the demonstrations and the column ``scenario``, which follows from the
+specification, the set and the number of the trial. `docs/_tools/restored_results.py` makes of it results that a sweep
+goes on with.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from experiments.scoreboard.result_store import Trials, read_trials
 from experiments.scoreboard.summary import make_scoreboard
 
 ROOT = Path(__file__).resolve().parents[2]
+USUAL_FIRST = pd.CategoricalDtype(["usual", "hard"], ordered=True)
 WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
@@ -23,8 +24,9 @@ def published(name: str) -> pd.DataFrame:
     which a failure counts as the time limit.
     """
     rows = pd.read_parquet(ROOT / "docs" / name / "trials")
-    for column in ("policy", "arm", "engine"):
+    for column in ("policy", "trial_set", "engine"):
         rows[column] = rows[column].astype(str)
+    rows["trial_set"] = rows["trial_set"].astype(USUAL_FIRST)
     varied = rows["factors"].map(lambda text: next(iter(json.loads(text).items()), ("", None)))
     rows["factor"], rows["value"] = varied.str[0], varied.str[1]
     rows["taken"] = rows["time_s"].where(rows["inserted"], rows["time_limit_s"])
@@ -32,8 +34,8 @@ def published(name: str) -> pd.DataFrame:
 
 
 def inserted(rows: pd.DataFrame, *by: str) -> pd.Series:
-    """Returns the number of insertions for each value of some columns, sorted; by default for each arm."""
-    return rows.groupby(list(by or ["arm"])).inserted.sum()
+    """Returns the number of insertions for each value of some columns, sorted; by default for each set of trials."""
+    return rows.groupby(list(by or ["trial_set"])).inserted.sum()
 
 
 def summary(rows: pd.DataFrame) -> pd.Series:
@@ -51,7 +53,7 @@ def above_limit(rows: pd.DataFrame) -> int:
 
 def both(rows: pd.DataFrame, other: pd.DataFrame) -> tuple[int, int, int]:
     """Returns the number of pairs of trials, and how many are inserted in the first and in the second one only."""
-    names = ["arm", "demonstration_set", "trial"]
+    names = ["trial_set", "demonstration_set", "trial"]
     pairs = rows[[*names, "inserted"]].merge(other[[*names, "inserted"]], on=names)
     first, second = pairs["inserted_x"], pairs["inserted_y"]
     return len(pairs), int((first & ~second).sum()), int((second & ~first).sum())
@@ -72,14 +74,14 @@ def against(name: str, reference: str, policy: str, engine: str = "") -> pd.Data
 def _compared(name: str, reference: str) -> pd.DataFrame:
     shown = ("better", "worse", "p", "slower", "p_time", "gains", "delays")
     rows = [
-        {"policy": row.summary.policy, "arm": table.cell.arm, "engine": table.cell.engine}
+        {"policy": row.summary.policy, "trial_set": table.cell.trial_set, "engine": table.cell.engine}
         | dict(zip(("factor", "value"), next(iter(table.cell.values.items()), ("", None)), strict=True))
         | {column: getattr(row.paired, column) for column in shown}
         for table in make_scoreboard(_trials(name), reference).tables
         for row in table.rows
         if row.paired
     ]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows).astype({"trial_set": USUAL_FIRST})
 
 
 @cache

@@ -42,7 +42,7 @@ def restore(published: Path, results: Path) -> tuple[int, int]:
                 known = {number: rows[key] for number, key in keys.items() if key in rows}
                 if known and (held := hold(block)) is not None:
                     for number, row in known.items():
-                        scenario = trial_scenario(source.scenario, number=number, arm=source.arm)
+                        scenario = trial_scenario(source.scenario, number=number, trial_set=source.trial_set)
                         held.add({**row, "scenario": dump_scenario(scenario)})
                     written += held.write()
                     held.release()

@@ -50,7 +50,8 @@ def _read(board: Scoreboard, policy: str, cell: Cell) -> str:
     filters: list[tuple[str, str, Any]] = [("code", "==", board.codes[cell.engine]), ("factors", "==", cell.factors)]
     if board.skills:
         filters.append(("skill", "in", list(board.skills)))
-    return f"pandas.read_parquet({str(partition(board.folder, policy, cell.arm, cell.engine))!r}, filters={filters!r})"
+    folder = partition(board.folder, policy, cell.trial_set, cell.engine)
+    return f"pandas.read_parquet({str(folder)!r}, filters={filters!r})"
 
 
 def cell_commands(board: Scoreboard, policy: str, cell: Cell) -> list[tuple[str, str]]:

@@ -37,12 +37,12 @@ class Cell:
     """The conditions of a table: trials are compared only within them.
 
     Attributes:
-        arm: which trials.
+        trial_set: which trials.
         engine: physics engine.
         factors: what the sweep varies, as the JSON text that the files hold.
     """
 
-    arm: str
+    trial_set: str
     engine: str
     factors: str
 
@@ -58,13 +58,20 @@ class Cell:
         factors = [
             f"{factor_name(name)} {f'{value:g}' if _is_number(value) else value}" for name, value in self.values.items()
         ]
-        return ", ".join([f"{self.arm} arm", self.engine, *factors])
+        return ", ".join([f"{self.trial_set} trials", self.engine, *factors])
 
     def order(self) -> tuple[Any, ...]:
-        """A key that sorts cells: the default arm first, numbers by size."""
+        """A key that sorts cells: usual trials first, numbers by size."""
         pairs = sorted(self.values.items())
         values = [(0, v, "") if _is_number(v) else (1, 0.0, str(v)) for _, v in pairs]
-        return (self.arm != "default", self.arm, self.engine, [name for name, _ in pairs], values, self.factors)
+        return (
+            self.trial_set != "usual",
+            self.trial_set,
+            self.engine,
+            [name for name, _ in pairs],
+            values,
+            self.factors,
+        )
 
 
 @dataclass(frozen=True)
@@ -226,7 +233,7 @@ def make_scoreboard(found: Trials, against: str | None = None) -> Scoreboard:
     table = found.table
     reference = _reference(table, against)
     tables = []
-    for names, rows in table.groupby(["arm", "engine", "factors"], observed=True):
+    for names, rows in table.groupby(["trial_set", "engine", "factors"], observed=True):
         cell = Cell(*map(str, names))
         _check_factors(cell.factors, found.folder)
         tables.append(_table(cell, rows, reference))

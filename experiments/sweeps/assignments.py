@@ -17,7 +17,7 @@ from experiments.sweeps.policies import GivenSkill, check_imports, policy_digest
 from experiments.sweeps.result_blocks import Block, blocks_of
 from experiments.sweeps.specification import BASE, PolicyPlan, Specification, plan_in
 from experiments.sweeps.trial_rows import TrialSource, trial_code
-from experiments.trial.trial_set import Arm, trial_scenario
+from experiments.trial.trial_set import TrialSet, trial_scenario
 from models.scenario import Geometry, Scenario
 from skill.data.geometry import PegHoleGeometry, fit_difference
 
@@ -65,7 +65,7 @@ class PolicySource:
         given: the skill file, or None.
         demonstrations: what it learns from, or None.
         scenario: unresolved, of the cell in which it acts; the one of its first cell if it does not depend on it.
-        arm: which trials it performs; likewise.
+        trial_set: which trials it performs; likewise.
         digest: of what decides it.
     """
 
@@ -73,13 +73,13 @@ class PolicySource:
     given: GivenSkill | None
     demonstrations: DemonstrationSource | None
     scenario: Scenario
-    arm: Arm
+    trial_set: TrialSet
     digest: str
 
 
 @dataclass(frozen=True)
 class Assignment:
-    """Trials of one policy in one cell, arm and engine.
+    """Trials of one policy in one cell, set of trials and engine.
 
     Attributes:
         source: of the trials.
@@ -93,7 +93,7 @@ class Assignment:
 
 
 def assignments(specification: Specification, results: Path, where: str) -> list[Assignment]:
-    """Returns what a specification asks for, in its order: cells, policies, arms, engines, sets.
+    """Returns what a specification asks for, in its order: cells, policies, sets of trials, engines, demonstrations.
 
     Args:
         specification: of the sweep.
@@ -101,7 +101,7 @@ def assignments(specification: Specification, results: Path, where: str) -> list
         where: name of the specification, for messages.
 
     Raises:
-        ValueError: if a policy serves another peg or hole than that of a cell, or a cell has no trial of an arm.
+        ValueError: if a policy serves another peg or hole than that of a cell, or a cell has no hard trial.
     """
     found: list[Assignment] = []
     skills: dict[str, GivenSkill] = {}
@@ -114,20 +114,20 @@ def assignments(specification: Specification, results: Path, where: str) -> list
             skills[plan.name] = GivenSkill.read(plan.skill)
     for cell in specification.cells:
         scenario = specification.scenario_with(cell.scenario_overrides(), where)
-        for arm in specification.arms:
+        for trial_set in specification.trial_sets:
             try:
-                trial_scenario(scenario, number=specification.first, arm=arm)
+                trial_scenario(scenario, number=specification.first, trial_set=trial_set)
             except ValueError as error:
-                raise ValueError(f"{where}: the {arm} arm in the cell {cell.label}: {error}") from error
+                raise ValueError(f"{where}: the {trial_set} trials in the cell {cell.label}: {error}") from error
         for plan in specification.policies:
             given = skills.get(plan.name)
-            for arm, engine in itertools.product(specification.arms, specification.engines):
+            for trial_set, engine in itertools.product(specification.trial_sets, specification.engines):
                 own = replace(scenario, contact=replace(scenario.contact, engine=engine))
                 # Policies are tuned and practise with the wrench that is measured, whatever they receive in the trials.
                 made_in = replace(own, controller=replace(own.controller, wrench="true"))
-                for policy, numbers in _policies(specification, plan, given, cell, made_in, arm, where):
-                    source = TrialSource(own, arm, policy.digest, plan.name, cell.label)
-                    folders = {"policy": plan.name, "arm": arm.value, "engine": engine}
+                for policy, numbers in _policies(specification, plan, given, cell, made_in, trial_set, where):
+                    source = TrialSource(own, trial_set, policy.digest, plan.name, cell.label)
+                    folders = {"policy": plan.name, "trial_set": trial_set.value, "engine": engine}
                     blocks = blocks_of(results, source.digest(), numbers, **folders)
                     found.append(Assignment(source, policy, blocks))
     return found
@@ -139,18 +139,18 @@ def _policies(
     given: GivenSkill | None,
     cell: Cell,
     scenario: Scenario,
-    arm: Arm,
+    trial_set: TrialSet,
     where: str,
 ) -> Iterator[tuple[PolicySource, list[int]]]:
     """Yields the policies of a plan in a cell, one for each set of demonstrations, and the numbers of their trials."""
     numbers = list(range(specification.first, specification.first + plan.trials))
     teaching = plan_in(plan, cell, where)
     if teaching is None:
-        acting = _acting(plan, scenario, arm)
+        acting = _acting(plan, scenario, trial_set)
         if given is not None:
             acting = {"skill": given.digest}
             _require_geometry(plan, scenario, given.geometry, where)
-        yield PolicySource(plan, given, None, scenario, arm, policy_digest(plan, acting)), numbers
+        yield PolicySource(plan, given, None, scenario, trial_set, policy_digest(plan, acting)), numbers
         return
     changed = {} if teaching.demonstrated_in == BASE else cell.scenario_overrides()
     shown = specification.scenario_with({**changed, **teaching.scenario}, where)
@@ -159,16 +159,16 @@ def _policies(
         source = DemonstrationSource(shown, teaching.good, teaching.bad, seed)
         made_from: dict[str, Any] = {"demonstrations": source.digest, "size": teaching.size}
         if plan.make is not None:
-            made_from |= _acting(plan, scenario, arm)
+            made_from |= _acting(plan, scenario, trial_set)
         own = [n for n in numbers if n % len(teaching.sets) == k] if teaching.divided else numbers
         taught = replace(plan, demonstrations=teaching)
         if own:
-            yield PolicySource(taught, None, source, scenario, arm, policy_digest(taught, made_from)), own
+            yield PolicySource(taught, None, source, scenario, trial_set, policy_digest(taught, made_from)), own
 
 
-def _acting(plan: PolicyPlan, scenario: Scenario, arm: Arm) -> dict[str, Any]:
+def _acting(plan: PolicyPlan, scenario: Scenario, trial_set: TrialSet) -> dict[str, Any]:
     """What a function that makes policies is told of the trials."""
-    return {"scenario": scenario} | ({} if plan.for_all_arms else {"arm": arm.value})
+    return {"scenario": scenario} | ({} if plan.for_all_trial_sets else {"trial_set": trial_set.value})
 
 
 def _require_geometry(

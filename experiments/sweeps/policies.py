@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 from experiments.provenance import version_of, versions
 from experiments.sweeps.code_digest import code_digest, is_own, modules_of, values_digest
 from experiments.sweeps.specification import PolicyPlan
-from experiments.trial.trial_set import Arm
+from experiments.trial.trial_set import TrialSet
 from experiments.worker_pool import received
 from models.document import brief
 from models.scenario import Scenario
@@ -46,13 +46,13 @@ class TrainingContext:
 
     Attributes:
         scenario: unresolved, of the cell in which the policy will act.
-        arm: which trials it will perform; None for all (``for_all_arms``).
+        trial_set: which trials it will perform; None for all (``for_all_trial_sets``).
         demonstrations: of one set; empty for a policy that learns nothing.
         seed: of the set of demonstrations.
     """
 
     scenario: Scenario
-    arm: Arm | None
+    trial_set: TrialSet | None
     demonstrations: list[Demonstration]
     seed: int
 

@@ -68,8 +68,8 @@ def made(
     """Makes one policy, in a worker, and returns it with what it was made for."""
     requirements.check()
     seed = 0 if source.demonstrations is None else source.demonstrations.seed
-    arm = None if source.plan.for_all_arms else source.arm
-    return source, make_policy(source.plan, TrainingContext(source.scenario, arm, demonstrations, seed))
+    trial_set = None if source.plan.for_all_trial_sets else source.trial_set
+    return source, make_policy(source.plan, TrainingContext(source.scenario, trial_set, demonstrations, seed))
 
 
 class PolicyStore:

@@ -1,8 +1,8 @@
 """The Parquet data set of a sweep: blocks of trials, each written by one process at a time.
 
-A block is a file of up to `BLOCK` trials of one policy, arm, engine and cell. Its name holds the digest of all that
-decides these trials, and the range of their numbers, so that every possible row has one place: it cannot be there
-twice. A process holds a block while it computes its missing trials, and rewrites the file whole as they end.
+A block is a file of up to `BLOCK` trials of one policy, set of trials, engine and cell. Its name holds the digest of
+all that decides these trials, and the range of their numbers, so that every possible row has one place: it cannot be
+there twice. A process holds a block while it computes its missing trials, and rewrites the file whole as they end.
 """
 
 from __future__ import annotations
@@ -65,7 +65,9 @@ class Block:
         return [number for number in self.numbers if number not in present]
 
 
-def blocks_of(results: Path, source: str, numbers: Iterable[int], *, policy: str, arm: str, engine: str) -> list[Block]:
+def blocks_of(
+    results: Path, source: str, numbers: Iterable[int], *, policy: str, trial_set: str, engine: str
+) -> list[Block]:
     """Returns the blocks that hold some trials of a source, in order of their numbers.
 
     Args:
@@ -73,10 +75,10 @@ def blocks_of(results: Path, source: str, numbers: Iterable[int], *, policy: str
         source: digest of what decides the trials.
         numbers: of the trials.
         policy: name of its folder, like those that follow.
-        arm: name.
+        trial_set: name.
         engine: name.
     """
-    folder = partition(results, policy, arm, engine)
+    folder = partition(results, policy, trial_set, engine)
     ranges: dict[int, list[int]] = {}
     for number in numbers:
         ranges.setdefault(number // BLOCK, []).append(number)

@@ -11,7 +11,7 @@ For example:
     policies:
       skill: {learn: {}}
       push: {make: "benchmarks.rig.policies:straight_push"}
-    arms: [default, stress]
+    trial_sets: [usual, hard]
     trials: {first: 1000, number: 100}
 """
 
@@ -25,14 +25,14 @@ from urllib.parse import quote
 
 from experiments.demonstration_set import MAX_DEMONSTRATIONS
 from experiments.sweeps.factors import Cell, Overrides, make_cells
-from experiments.trial.trial_set import Arm
+from experiments.trial.trial_set import TrialSet
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.document import brief, read_document, read_text
 from models.scenario import ENGINES, Scenario, load_scenario, validate_scenario
 from models.validation import Violation, check_document, copied, raise_first, set_field
 
 MAX_TRIALS = 1_000_000
-MAX_CURVES = 20_000  # combinations of cell, policy, set, arm and engine; planning takes a millisecond for each
+MAX_CURVES = 20_000  # combinations of all that is varied; planning takes a millisecond for each
 MAX_NAME = 80  # characters of the name of a policy
 MAX_FOLDER_NAME = 200  # bytes of it, percent-encoded; file systems allow 255 with what stands before it
 
@@ -81,7 +81,7 @@ class PolicyPlan:
         options: keyword arguments of that function, or what a learnt skill replaces.
         demonstrations: what it learns from; None for a policy that learns nothing.
         carried_over: whether it serves other pegs and holes than its own.
-        for_all_arms: whether ``make`` is called once for all arms, instead of for each.
+        for_all_trial_sets: whether ``make`` is called once for all sets of trials, instead of for each.
         trials: how many it performs, the first ones of the sweep.
     """
 
@@ -91,7 +91,7 @@ class PolicyPlan:
     options: dict[str, Any]
     demonstrations: DemonstrationPlan | None
     carried_over: bool
-    for_all_arms: bool = False
+    for_all_trial_sets: bool = False
     trials: int = 20
 
     @property
@@ -109,7 +109,7 @@ class Specification:
         scenario: unresolved, before anything is varied.
         cells: the combinations of levels.
         policies: in the order of the file.
-        arms: which trials.
+        trial_sets: which trials.
         engines: of `models.scenario.ENGINES`, in each of which the trials are performed.
         rules: names in ``RULES`` of what follows the clearance in every scenario.
         first: number of the first trial.
@@ -120,7 +120,7 @@ class Specification:
     scenario: Scenario
     cells: list[Cell]
     policies: list[PolicyPlan]
-    arms: list[Arm]
+    trial_sets: list[TrialSet]
     engines: list[str]
     rules: list[str]
     first: int
@@ -163,7 +163,7 @@ class PolicySection:
     make: str | None = None
     demonstrations: dict[str, Any] | None = None
     carried_over: bool = False
-    for_all_arms: bool = False
+    for_all_trial_sets: bool = False
     trials: int | None = None
 
 
@@ -177,7 +177,7 @@ class Document:
     design: str | dict[str, Any] = "grid"
     demonstrations: dict[str, Any] = field(default_factory=dict)
     policies: dict[str, Any] = field(default_factory=dict)
-    arms: list[str] = field(default_factory=lambda: [Arm.DEFAULT.value])
+    trial_sets: list[str] = field(default_factory=lambda: [TrialSet.USUAL.value])
     engines: list[str] = field(default_factory=lambda: ["exact"])
     clearance_rules: list[str] = field(default_factory=list)
     trials: TrialNumbers = field(default_factory=TrialNumbers)
@@ -205,7 +205,7 @@ def read_specification(path: Path) -> Specification:
         scenario=scenario,
         cells=make_cells(document.vary, document.design, where),
         policies=[_policy(name, own, document, where) for name, own in document.policies.items()],
-        arms=[Arm(name) for name in document.arms],
+        trial_sets=[TrialSet(name) for name in document.trial_sets],
         engines=document.engines,
         rules=document.clearance_rules,
         first=document.trials.first,
@@ -218,7 +218,7 @@ def read_specification(path: Path) -> Specification:
 def _document_violations(document: Document) -> Iterator[Violation]:
     """Checks the values of the keys of a file."""
     for name, chosen, known in (
-        ("arms", document.arms, [arm.value for arm in Arm]),
+        ("trial_sets", document.trial_sets, [trial_set.value for trial_set in TrialSet]),
         ("engines", document.engines, list(ENGINES)),
         ("clearance_rules", document.clearance_rules, list(RULES)),
     ):
@@ -256,7 +256,7 @@ def _policy(name: str, given: Any, document: Document, where: str) -> PolicyPlan
         options=options or {},
         demonstrations=plan,
         carried_over=own.carried_over,
-        for_all_arms=own.for_all_arms,
+        for_all_trial_sets=own.for_all_trial_sets,
         trials=own.trials or document.trials.number,
     )
 
@@ -271,8 +271,8 @@ def _policy_violations(own: PolicySection, options: Any, trials: int, path: str)
     if own.skill is not None and own.demonstrations:
         yield Violation(f"{path}.demonstrations", "given", "none: a skill file has learnt already")
     yield from _outside(f"{path}.trials", own.trials, 1, trials)
-    if own.for_all_arms and own.make is None:
-        yield Violation(f"{path}.for_all_arms", "true", "false: there is no function that could be told the arm")
+    if own.for_all_trial_sets and own.make is None:
+        yield Violation(f"{path}.for_all_trial_sets", "true", "false: no function could be told the set")
 
 
 def read_plan(values: dict[str, Any], where: str, path: str) -> DemonstrationPlan:
@@ -337,12 +337,12 @@ def _check_cells(specification: Specification, where: str) -> None:
         for policy in specification.policies:
             plan = plan_in(policy, cell, where)
             sets = len(plan.sets) if plan else 1
-            own = len(specification.arms) * len(specification.engines)
+            own = len(specification.trial_sets) * len(specification.engines)
             curves += own * sets
             trials += own * policy.trials * (1 if plan and plan.divided else sets)
             for found, most, what in ((trials, MAX_TRIALS, "trials"), (curves, MAX_CURVES, "sets of trials")):
                 if found > most:
-                    product = "cells, policies, sets, arms and engines"
+                    product = "cells, policies, demonstrations, sets of trials and engines"
                     raise ValueError(f"{where}: {product} make more than {most:,} {what}; use fewer of one")
 
 

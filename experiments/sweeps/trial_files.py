@@ -1,7 +1,7 @@
 """The data set of a sweep: where its files are, and their columns. Nothing in here needs Drake.
 
-A folder of results has trials/policy=<name, percent-encoded>/arm=<name>/engine=<name>/<block>.parquet, one row a trial,
-and sweeps/<name>.yaml.
+A folder of results has trials/policy=<name, percent-encoded>/trial_set=<name>/engine=<name>/<block>.parquet, one row a
+trial, and sweeps/<name>.yaml.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ TRIALS, SWEEPS, SETS, SKILLS = "trials", "sweeps", "demonstrations", "skills"
 """Folders within the results: rows, specifications, sets of demonstrations, and skills."""
 
 PUBLISHED = "trials.parquet"
-"""The name of the files of a published copy, one for each policy, arm and engine."""
+"""The name of the files of a published copy, one for each policy, set of trials and engine."""
 
-PARTITIONS = ("policy", "arm", "engine")
+PARTITIONS = ("policy", "trial_set", "engine")
 """Columns that the names of the folders hold, from the outermost on."""
 
 PARTITIONING = pads.partitioning(pa.schema([(name, pa.string()) for name in PARTITIONS]), flavor="hive")
@@ -45,6 +45,6 @@ SCHEMA = pa.schema(
 """The columns of every file; docs/sweeps.md has their units and meanings. A published copy has no ``scenario``."""
 
 
-def partition(results: Path, policy: str, arm: str, engine: str) -> Path:
-    """Returns the folder of the trials of a policy in an arm and an engine."""
-    return results / TRIALS / f"policy={quote(policy, safe='')}" / f"arm={arm}" / f"engine={engine}"
+def partition(results: Path, policy: str, trial_set: str, engine: str) -> Path:
+    """Returns the folder of the trials of a policy, a set of trials and an engine."""
+    return results / TRIALS / f"policy={quote(policy, safe='')}" / f"trial_set={trial_set}" / f"engine={engine}"

@@ -17,7 +17,7 @@ from experiments.sweeps.code_digest import code_digest, modules_of, values_diges
 from experiments.sweeps.trial_files import MEASURED_NUMBERS
 from experiments.trial.run_trial import perform_trial
 from experiments.trial.trial_result import COUNTS, TrialResult
-from experiments.trial.trial_set import Arm, trial_scenario
+from experiments.trial.trial_set import TrialSet, trial_scenario
 from models.scenario import Scenario, dump_scenario
 from skill.policy import RigPolicy
 
@@ -30,14 +30,14 @@ class TrialSource:
 
     Attributes:
         scenario: unresolved, of the cell.
-        arm: which trials.
+        trial_set: which trials.
         policy: digest of the policy that acts.
         name: of the policy.
         factors: of the cell, as JSON.
     """
 
     scenario: Scenario
-    arm: Arm
+    trial_set: TrialSet
     policy: str
     name: str
     factors: str
@@ -50,7 +50,7 @@ class TrialSource:
     def digest(self) -> str:
         """Returns the digest of what decides the trials, the code and the versions of the packages included."""
         known = {
-            **{"scenario": self.scenario, "arm": self.arm.value},
+            **{"scenario": self.scenario, "trial_set": self.trial_set.value},
             **{"policy": self.policy, "name": self.name, "factors": self.factors, "code": trial_code()},
             "versions": versions(),
         }
@@ -88,7 +88,7 @@ def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[
     """
     began, cpu = datetime.now(UTC), time.process_time()
     with threadpool_limits(1):
-        scenario = trial_scenario(source.scenario, number=number, arm=source.arm)
+        scenario = trial_scenario(source.scenario, number=number, trial_set=source.trial_set)
         result = perform_trial(scenario, policy, number=number, cell=source).result
     return {
         **result_columns(result),

@@ -11,7 +11,7 @@ from experiments.trial.diagram_trial import kept_rig, run_rig
 from experiments.trial.ended_trial import EndedTrial
 from experiments.trial.loop_trial import rolled_out
 from experiments.trial.trial_result import TrialResult
-from experiments.trial.trial_set import Arm, trial_scenario
+from experiments.trial.trial_set import TrialSet, trial_scenario
 from experiments.worker_pool import run_in_processes
 from models.scenario import Scenario
 from skill.data.rig_run import RigRun
@@ -20,10 +20,12 @@ from systems.rig import MakeRig
 
 
 def run_trials(
-    scenario: Scenario, skill: RigPolicy, numbers: list[int], *, jobs: int, arm: Arm = Arm.DEFAULT
+    scenario: Scenario, skill: RigPolicy, numbers: list[int], *, jobs: int, trial_set: TrialSet = TrialSet.USUAL
 ) -> Iterator[tuple[TrialResult, RigRun]]:
     """Yields the trials in the order of their numbers, as they finish, from ``jobs`` processes."""
-    tasks = (partial(run_trial, trial_scenario(scenario, number=n, arm=arm), skill, seed=n) for n in numbers)
+    tasks = (
+        partial(run_trial, trial_scenario(scenario, number=n, trial_set=trial_set), skill, seed=n) for n in numbers
+    )
     yield from run_in_processes(tasks, jobs=jobs)
 
 

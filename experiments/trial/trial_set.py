@@ -9,57 +9,57 @@ from enum import StrEnum
 import numpy as np
 
 from models.clearance import relative_entry_tilt
-from models.scenario import STRESS_STREAM, TRIAL_STREAM, Scenario, resolve_scenario
+from models.scenario import HARD_STREAM, TRIAL_STREAM, Scenario, resolve_scenario
 
 
-class Arm(StrEnum):
+class TrialSet(StrEnum):
     """Which trials of a scenario are performed."""
 
-    DEFAULT = "default"
+    USUAL = "usual"
     """All that its ranges contain."""
-    STRESS = "stress"
-    """The hard ones: a tilt above `stress_tilt`, a pivot further than `STRESS_PIVOT` from the mouth, on either side,
-    and a friction within `STRESS_FRICTION`."""
+    HARD = "hard"
+    """The hard ones: a tilt above `hard_tilt`, a pivot further than `HARD_PIVOT` from the mouth, on either side,
+    and a friction within `HARD_FRICTION`."""
 
 
-STRESS_TILT = math.radians(3.2)
-STRESS_PIVOT = 1.2e-3  # in units of m
-STRESS_FRICTION = (0.15, 0.3)
+HARD_TILT = math.radians(3.2)
+HARD_PIVOT = 1.2e-3  # in units of m
+HARD_FRICTION = (0.15, 0.3)
 
 
-def stress_tilt(scenario: Scenario) -> float:
-    """Returns the tilt above which a trial may be one of the arm `Arm.STRESS`, rad.
+def hard_tilt(scenario: Scenario) -> float:
+    """Returns the tilt above which a trial may be of `TrialSet.HARD`, rad.
 
-    It is `STRESS_TILT`. Below the nominal clearance it keeps its part of the largest tilt that enters the hole.
+    It is `HARD_TILT`. Below the nominal clearance it keeps its part of the largest tilt that enters the hole.
     """
-    return STRESS_TILT * min(1.0, relative_entry_tilt(scenario))
+    return HARD_TILT * min(1.0, relative_entry_tilt(scenario))
 
 
-def trial_scenario(scenario: Scenario, *, number: int, arm: Arm = Arm.DEFAULT) -> Scenario:
+def trial_scenario(scenario: Scenario, *, number: int, trial_set: TrialSet = TrialSet.USUAL) -> Scenario:
     """Returns the resolved scenario of a trial; it shares no random draw with any demonstration.
 
     Raises:
-        ValueError: if the ranges of the scenario contain no trial of the arm.
+        ValueError: if the ranges of the scenario contain no such trial.
     """
-    chosen = scenario if arm is Arm.DEFAULT else _stress_scenario(scenario, number)
+    chosen = scenario if trial_set is TrialSet.USUAL else _hard_scenario(scenario, number)
     return resolve_scenario(chosen, seed=number, stream=TRIAL_STREAM)
 
 
-def _stress_scenario(scenario: Scenario, number: int) -> Scenario:
-    """Returns a copy with the tilt, the pivot and the friction of a trial of the arm `Arm.STRESS`."""
-    largest, furthest, least = scenario.start.tilt_range, scenario.rig.pivot_range, stress_tilt(scenario)
-    if not (math.sqrt(2.0) * largest > 1.05 * least and furthest > STRESS_PIVOT):
+def _hard_scenario(scenario: Scenario, number: int) -> Scenario:
+    """Returns a copy with the tilt, the pivot and the friction of a trial of `TrialSet.HARD`."""
+    largest, furthest, least = scenario.start.tilt_range, scenario.rig.pivot_range, hard_tilt(scenario)
+    if not (math.sqrt(2.0) * largest > 1.05 * least and furthest > HARD_PIVOT):
         raise ValueError(
             f"start.tilt_range is {math.degrees(largest):.3g} deg and rig.pivot_range {1e3 * furthest:.3g} mm; expected"
-            f" at least {math.degrees(0.75 * least):.2g} deg and more than {1e3 * STRESS_PIVOT:g} mm, or no trial is"
-            " one of the stress arm"
+            f" at least {math.degrees(0.75 * least):.2g} deg and more than {1e3 * HARD_PIVOT:g} mm, or no trial is"
+            " a hard one"
         )
-    rng = np.random.default_rng([STRESS_STREAM, number])
+    rng = np.random.default_rng([HARD_STREAM, number])
     tilt = np.zeros(2)
     while math.hypot(*tilt) <= least:
         tilt = rng.uniform(-largest, largest, 2)
     hard = copy.deepcopy(scenario)
     hard.start.tilt = [float(angle) for angle in tilt]
-    hard.rig.pivot_height = float(rng.choice([-1.0, 1.0]) * rng.uniform(STRESS_PIVOT, furthest))
-    hard.contact.friction, hard.contact.friction_spread = float(rng.uniform(*STRESS_FRICTION)), 0.0
+    hard.rig.pivot_height = float(rng.choice([-1.0, 1.0]) * rng.uniform(HARD_PIVOT, furthest))
+    hard.contact.friction, hard.contact.friction_spread = float(rng.uniform(*HARD_FRICTION)), 0.0
     return hard

@@ -6,5 +6,5 @@ import gymnasium
 
 ENTRY_POINT = "interfaces.gym.peg_in_hole:PegInHole"
 
-gymnasium.register(id="PegInHole-v0", entry_point=ENTRY_POINT, kwargs={"arm": "default"})
-gymnasium.register(id="PegInHole-Stress-v0", entry_point=ENTRY_POINT, kwargs={"arm": "stress"})
+gymnasium.register(id="PegInHole-v0", entry_point=ENTRY_POINT, kwargs={"trial_set": "usual"})
+gymnasium.register(id="PegInHole-Hard-v0", entry_point=ENTRY_POINT, kwargs={"trial_set": "hard"})

@@ -12,7 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pydrake.geometry import Meshcat, MeshcatParams
 
-from experiments.trial.trial_set import Arm, trial_scenario
+from experiments.trial.trial_set import TrialSet, trial_scenario
 from interfaces.gym.commanded_policy import CommandedPolicy
 from interfaces.gym.episode import Episode, Observation
 from interfaces.gym.picture import Picture
@@ -42,7 +42,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
     `PolicyController` with its limits, its back-off and its reversal of turns, the watchdog with all monitors of
     faults, and the force guard. `TrialMonitor` ends and measures the episode.
 
-    *Trials.* ``reset(seed=n)`` and ``reset(options={"trial": n})`` start trial n of the arm, as `trial_scenario` draws
+    *Trials.* ``reset(seed=n)`` and ``reset(options={"trial": n})`` start trial n of the set, as `trial_scenario` draws
     it; the option prevails. A reset without either draws a number from `FIRST_DRAWN` on with the generator that the
     last seed has started. The first reset builds the diagram; the others replace its Context.
 
@@ -63,7 +63,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
     Args:
         scenario: name or file of a scenario, or a scenario.
         engine: of `models.scenario.ENGINES`, in place of the scenario's; "exact" is the fastest.
-        arm: which trials, "default" or "stress" (`Arm`).
+        trial_set: which trials, "usual" or "hard" (`TrialSet`).
         observation: "dict" or "flat".
         reward: "dense" or "sparse".
         policy: whose contact states the estimator on the rig follows, as in a trial of this policy. The
@@ -73,7 +73,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         render_mode: "human" draws into a Meshcat at ``url`` in real time, "rgb_array" lets `render` return a picture.
 
     Raises:
-        ValueError: for an unknown scenario, arm, observation, reward or render mode.
+        ValueError: for an unknown scenario, set of trials, observation, reward or render mode.
     """
 
     metadata: dict[str, Any] = {"render_modes": [HUMAN, RGB_ARRAY], "render_fps": 50}
@@ -83,14 +83,14 @@ class PegInHole(gymnasium.Env[Any, Any]):
         scenario: str | Path | Scenario = "nominal",
         engine: str | None = None,
         *,
-        arm: str = Arm.DEFAULT,
+        trial_set: str = TrialSet.USUAL,
         observation: str = "dict",
         reward: str = "dense",
         policy: RigPolicy | None = None,
         labels: bool = True,
         render_mode: str | None = None,
     ) -> None:
-        _check_choice("arm", arm, [choice.value for choice in Arm])
+        _check_choice("trial_set", trial_set, [choice.value for choice in TrialSet])
         _check_choice("observation", observation, list(OBSERVATIONS))
         _check_choice("reward", reward, list(REWARDS))
         _check_choice("render_mode", render_mode, [None, HUMAN, RGB_ARRAY])
@@ -98,7 +98,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         self._lever = self._scenario.geometry.reach  # which every step needs
         self._scenario.contact.engine = engine or self._scenario.contact.engine
         validate_scenario(self._scenario)
-        self._arm, self._labels = Arm(arm), labels
+        self._trial_set, self._labels = TrialSet(trial_set), labels
         self._reward: Reward = REWARDS[reward](self._scenario)
         self._policy = CommandedPolicy(policy)
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self._scenario.controller.period)}
@@ -129,14 +129,14 @@ class PegInHole(gymnasium.Env[Any, Any]):
         """Starts a trial; see the class.
 
         Raises:
-            ValueError: if an option is unknown or no number of a trial, if the scenario has no trial of the arm, or if
+            ValueError: if an option is unknown or no number of a trial, if the scenario has no such trial, or if
                 the policy was trained for another peg or hole.
         """
         super().reset(seed=seed)
         number = _trial_option(options)
         if number is None:
             number = seed if seed is not None else int(self.np_random.integers(FIRST_DRAWN, LAST_DRAWN))
-        scenario = trial_scenario(self._scenario, number=number, arm=self._arm)
+        scenario = trial_scenario(self._scenario, number=number, trial_set=self._trial_set)
         if self.render_mode == HUMAN and self._meshcat is None:
             self._meshcat = Meshcat(MeshcatParams(host=LOCAL_HOST))
             aim_camera(self._meshcat)

@@ -101,7 +101,7 @@ def curves_of(board: Scoreboard) -> list[Curve]:
         for table in board.tables:
             others = {name: value for name, value in table.cell.values.items() if name != factor}
             if factor in table.cell.values:
-                key = (table.cell.arm, table.cell.engine, json.dumps(others, sort_keys=True))
+                key = (table.cell.trial_set, table.cell.engine, json.dumps(others, sort_keys=True))
                 groups.setdefault(key, []).append(table)
         for key, tables in groups.items():
             if len(tables) >= MIN_VALUES:

@@ -122,7 +122,7 @@ def address(path: Path, out: Path) -> str:
 def link(board: Scoreboard, row: Row, out: Path) -> str:
     """The address of the file of a row's trials, or of their folder if there are several, relative to the page."""
     cell = row.summary.cell
-    folder = partition(board.folder, row.summary.policy, cell.arm, cell.engine)
+    folder = partition(board.folder, row.summary.policy, cell.trial_set, cell.engine)
     files = list(folder.glob("*.parquet"))
     return address(files[0], out) if len(files) == 1 else f"{address(folder, out)}/"
 

@@ -29,7 +29,7 @@ from franky_sim.franka_robot_state import FrankaRobotState
 from franky_sim.simulation_server import SimulationServer
 from pydrake.geometry import Meshcat
 
-from experiments.trial.trial_set import Arm, trial_scenario
+from experiments.trial.trial_set import TrialSet, trial_scenario
 from interfaces.sensors.net_ft_server import NetFtServer
 from models.hardware import GRAVITY
 from models.scenario import Scenario
@@ -311,13 +311,13 @@ class Fr3Twin:
         scenario: Scenario,
         *,
         seed: int,
-        trials: Arm,
+        trials: TrialSet,
         host: str,
         ended: Callable[[Insertion], None],
         meshcat: Meshcat | None = None,
     ) -> None:
         self._scenario, self._number, self._trials, self._ended = scenario, seed, trials, ended
-        first = trial_scenario(scenario, number=seed, arm=trials)
+        first = trial_scenario(scenario, number=seed, trial_set=trials)
         self.arm = TorqueArm(first, meshcat=meshcat)
         self.arm.set_start(self.arm.kinematics.angles_at(tip_pose(np.zeros(3), tip_at(READY_HEIGHT))))
         self.arm.set_trial(first)
@@ -357,4 +357,4 @@ class Fr3Twin:
         if self._was_near and height > AWAY_HEIGHT:
             self._ended(Insertion(self._number, arm.time, self._depth, self._force))
             self._number, self._depth, self._force, self._was_near = self._number + 1, 0.0, 0.0, False
-            arm.set_trial(trial_scenario(self._scenario, number=self._number, arm=self._trials))
+            arm.set_trial(trial_scenario(self._scenario, number=self._number, trial_set=self._trials))

@@ -11,7 +11,7 @@ import pytest
 
 from experiments.outputs.output_set import open_live_folder, open_set
 from experiments.outputs.set_index import RUNS, SetIndex
-from experiments.trial.trial_set import Arm, trial_scenario
+from experiments.trial.trial_set import TrialSet, trial_scenario
 from models.scenario import dump_scenario, parse_scenario
 from skill.data.demonstration import write_demonstration
 from skill.data.rig_run import read_rig_run, write_rig_run
@@ -183,14 +183,14 @@ def agreeing_runs(folder):
 
 
 @pytest.mark.slow
-def test_the_stress_arm_has_hard_trials_and_is_a_request_of_its_own(tmp_path, skill_file, quick):
+def test_the_hard_set_has_hard_trials_and_is_a_request_of_its_own(tmp_path, skill_file, quick):
     scenario = parse_scenario(quick.read_text(), "quick")
     scenario.rig.pivot_range = 0.003
     quick.write_text(dump_scenario(scenario))
-    done = rig(skill_file, quick, tmp_path, "--arm", "stress", trials=1, seed=4)
+    done = rig(skill_file, quick, tmp_path, "--trials-of", "hard", trials=1, seed=4)
     assert done.exit_code == 0, done.output
     run = parse_scenario(read_rig_run(tmp_path / "run_0004.parquet").metadata["scenario"], "run")
-    hard = trial_scenario(scenario, number=4, arm=Arm.STRESS)
+    hard = trial_scenario(scenario, number=4, trial_set=TrialSet.HARD)
     assert (run.start.tilt, run.rig.pivot_height) == (hard.start.tilt, hard.rig.pivot_height)
     assert "another" in error_line(rig(skill_file, quick, tmp_path, trials=1, seed=4))
 

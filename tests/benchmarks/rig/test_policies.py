@@ -9,7 +9,7 @@ from benchmarks.rig import policies
 from benchmarks.rig.policies import corrected, first, tuned_compliance
 from experiments.corrections import CorrectionPlan
 from experiments.sweeps.policies import TrainingContext
-from experiments.trial.trial_set import Arm
+from experiments.trial.trial_set import TrialSet
 from models.scenario import load_scenario
 from skill.practice.query_state import QueryState
 
@@ -47,7 +47,7 @@ def practice(monkeypatch):
 
 
 def training_context(number, seed=3):
-    return TrainingContext(load_scenario(), Arm.DEFAULT, shown(number), seed)
+    return TrainingContext(load_scenario(), TrialSet.USUAL, shown(number), seed)
 
 
 def test_corrections_are_asked_for_in_the_trials_of_the_product(practice):
@@ -71,7 +71,7 @@ def test_a_skill_that_is_never_stuck_learns_once(practice):
 
 
 def test_a_law_that_is_tuned_for_an_arm_is_not_made_for_all():
-    with pytest.raises(ValueError, match="MomentCompliance is tuned for the trials of one arm"):
+    with pytest.raises(ValueError, match="MomentCompliance is tuned for one set of trials"):
         tuned_compliance(TrainingContext(load_scenario(), None, [], 0))
 
 

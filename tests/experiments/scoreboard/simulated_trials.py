@@ -23,16 +23,16 @@ OTHER = "LWR without 'states'"
 LAW = "straight push <b>"
 
 
-def write_trials(folder, rows, *, policy=LEARNT, arm="default", engine="drake", block="0000"):
+def write_trials(folder, rows, *, policy=LEARNT, trial_set="usual", engine="drake", block="0000"):
     """Writes rows, each a dictionary of what differs from a plain insertion, as one file; returns its path."""
-    place = partition(folder, policy, arm, engine)
+    place = partition(folder, policy, trial_set, engine)
     place.mkdir(parents=True, exist_ok=True)
     path = place / f"{block}.parquet"
     full = []
     for number, row in enumerate(rows):
         trial = row.get("trial", number)
         factors, code = row.get("factors", "{}"), row.get("code", PLAIN["code"])
-        key = f"{policy}/{arm}/{engine}/{factors}/{row.get('demonstration_set')}/{trial}/{code}"
+        key = f"{policy}/{trial_set}/{engine}/{factors}/{row.get('demonstration_set')}/{trial}/{code}"
         full.append({**PLAIN, "trial": trial, "key": key, **row})
     pq.write_table(pa.Table.from_pylist(full, schema=SCHEMA), path)
     return path
@@ -71,19 +71,19 @@ def draw(rng, count, share, **same):
 
 
 def write_results(folder, *, count=40, frictions=(0.1, 0.2, 0.3), engines=("drake",), sets=4):
-    """A folder with three policies, a factor with three values, and both arms; returns the folder."""
+    """A folder with three policies, a factor with three values, and both sets of trials; returns the folder."""
     rng = np.random.default_rng(7)
     write_sweep(folder)
     for policy, share in ((LEARNT, 0.97), (OTHER, 0.8), (LAW, 0.4)):
         learns = {} if policy == LAW else {"demonstrations": 30, "train_s": 12.5, "query_ms": 0.35}
         for engine in engines:
-            for arm, loss in (("default", 0.0), ("stress", 0.2)):
+            for trial_set, loss in (("usual", 0.0), ("hard", 0.2)):
                 rows = []
-                for friction in frictions if arm == "default" else ():
+                for friction in frictions if trial_set == "usual" else ():
                     factors = json.dumps({"contact.friction": friction})
                     rows += draw(rng, count, share - friction / 2, factors=factors, **learns)
                 rows += draw(rng, count, share - loss, **learns)
                 if learns:
                     rows = [{**row, "demonstration_set": row["trial"] % sets} for row in rows]
-                write_trials(folder, rows, policy=policy, arm=arm, engine=engine)
+                write_trials(folder, rows, policy=policy, trial_set=trial_set, engine=engine)
     return folder

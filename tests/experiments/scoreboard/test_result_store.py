@@ -20,11 +20,11 @@ ROOT = Path(__file__).resolve().parents[3]
 
 def test_rows_have_their_partition_and_the_types_that_statistics_need(tmp_path):
     write_trials(tmp_path, [{"trial": 5, "demonstration_set": 2}, FAILED | {"trusted": None}], policy=LAW)
-    write_trials(tmp_path, [{}], policy=LEARNT, arm="stress", engine="exact")
+    write_trials(tmp_path, [{}], policy=LEARNT, trial_set="hard", engine="exact")
     found = read_trials(tmp_path)
     table = found.table.sort_values(["policy", "trial"])
     assert table["policy"].tolist() == [LEARNT, LAW, LAW]
-    assert table["arm"].tolist() == ["stress", "default", "default"]
+    assert table["trial_set"].tolist() == ["hard", "usual", "usual"]
     assert table["engine"].tolist() == ["exact", "drake", "drake"]
     assert table["trial"].tolist() == [0, 1, 5]
     assert table["inserted"].tolist() == [True, False, True]

@@ -107,13 +107,13 @@ from experiments.sweeps.trial_rows import TrialSource, perform, trial_modules
 from experiments.sweeps.policies import TrainingContext, make_policy
 from experiments.sweeps.specification import DemonstrationPlan, PolicyPlan
 from skill.data.demonstration import read_demonstrations
-from experiments.trial.trial_set import Arm
+from experiments.trial.trial_set import TrialSet
 from tests.quick_scenario import make_quick_scenario
 scenario = make_quick_scenario()
 shown = read_demonstrations(Path({str(demonstration_folder)!r}))
 plan = PolicyPlan("a", None, None, {{}}, DemonstrationPlan(), False)
-made = make_policy(plan, TrainingContext(scenario, Arm.DEFAULT, shown, 0))
-row = perform(TrialSource(scenario, Arm.DEFAULT, "", "a", "{{}}"), made.policy, 84001, {{}})
+made = make_policy(plan, TrainingContext(scenario, TrialSet.USUAL, shown, 0))
+row = perform(TrialSource(scenario, TrialSet.USUAL, "", "a", "{{}}"), made.policy, 84001, {{}})
 loaded = [name for name in sys.modules if name.split(".")[0] in ("models", "skill", "systems", "experiments")]
 print(json.dumps([loaded, trial_modules(), row["trial"]]))
 """

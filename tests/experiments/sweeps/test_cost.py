@@ -47,7 +47,7 @@ def test_what_functions_make_is_not_estimated(tmp_path):
 
 def test_with_results_a_trial_costs_what_trials_of_this_policy_and_engine_have_cost(tmp_path):
     for policy, engine, cpu in (("a b", "drake", 3.0), ("a b", "exact", 100.0), ("c", "drake", 50.0)):
-        (block,) = blocks_of(tmp_path, "a" * 16, range(4), policy=policy, arm="default", engine=engine)
+        (block,) = blocks_of(tmp_path, "a" * 16, range(4), policy=policy, trial_set="usual", engine=engine)
         held = hold(block)
         for number in range(4):
             held.add(made_up_row(number, cpu_s=cpu + number))

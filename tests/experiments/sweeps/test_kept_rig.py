@@ -7,7 +7,7 @@ import pytest
 from experiments.sweeps.trial_rows import TrialSource, perform, result_columns
 from experiments.trial import diagram_trial
 from experiments.trial.run_trial import run_trial
-from experiments.trial.trial_set import Arm, trial_scenario
+from experiments.trial.trial_set import TrialSet, trial_scenario
 from models.scenario import load_scenario
 from tests.experiments.sweeps.pushes import Push
 
@@ -29,16 +29,16 @@ def built(monkeypatch):
 def short_source(engine="drake", **changes):
     scenario = load_scenario()
     scenario.trial.time_limit, scenario.contact.engine = 0.4, engine
-    return replace(TrialSource(scenario, Arm.DEFAULT, "p" * 16, "push", "{}"), **changes)
+    return replace(TrialSource(scenario, TrialSet.USUAL, "p" * 16, "push", "{}"), **changes)
 
 
 @pytest.mark.parametrize("engine", ["drake", "exact"])
 def test_trials_of_one_cell_share_a_rig_and_equal_those_of_new_rigs(built, engine):
-    arm = Arm.STRESS
-    source = short_source(engine, arm=arm)
+    trial_set = TrialSet.HARD
+    source = short_source(engine, trial_set=trial_set)
     for number in (84100, 84101, 84100):
         row = perform(source, Push(), number, {})
-        new, _ = run_trial(trial_scenario(source.scenario, number=number, arm=arm), Push(), seed=number)
+        new, _ = run_trial(trial_scenario(source.scenario, number=number, trial_set=trial_set), Push(), seed=number)
         assert {name: row[name] for name in result_columns(new)} == pytest.approx(
             result_columns(new), nan_ok=True, abs=0
         )

@@ -6,7 +6,7 @@ import pytest
 
 from experiments.sweeps.policies import TrainingContext, check_imports, make_policy
 from experiments.sweeps.specification import PolicyPlan
-from experiments.trial.trial_set import Arm
+from experiments.trial.trial_set import TrialSet
 from models.scenario import load_scenario
 
 PUSHES = "tests.experiments.sweeps.pushes"
@@ -33,7 +33,7 @@ def test_what_cannot_be_imported_or_is_unknown_is_named_before_anything_is_made(
 
 
 def test_a_policy_that_cannot_be_made_is_named():
-    context = TrainingContext(load_scenario(), Arm.DEFAULT, [], 0)
+    context = TrainingContext(load_scenario(), TrialSet.USUAL, [], 0)
     with pytest.raises(ValueError, match=r"policies.push: cannot be made \(TypeError: .*speed"):
         make_policy(plan(f"{PUSHES}:push", speed=3), context)
     made = make_policy(plan(f"{PUSHES}:push", depth=0.003), context)
@@ -43,15 +43,15 @@ def test_a_policy_that_cannot_be_made_is_named():
 @pytest.mark.parametrize("what", ["lock", "file", "thread", "generator", "database", "other"])
 def test_a_policy_that_cannot_be_sent_to_another_process_is_named(what):
     with pytest.raises(ValueError, match=r"policies.push: cannot be sent to another process \(.*__getstate__") as error:
-        make_policy(plan(f"{PUSHES}:holding", what=what), TrainingContext(load_scenario(), Arm.DEFAULT, [], 0))
+        make_policy(plan(f"{PUSHES}:holding", what=what), TrainingContext(load_scenario(), TrialSet.USUAL, [], 0))
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("sent", [plan(f"{PUSHES}:holding", what="logger"), plan(f"{PUSHES}:holding", what="function")])
 def test_a_policy_that_holds_what_can_be_sent_is_made(sent):
-    assert make_policy(sent, TrainingContext(load_scenario(), Arm.DEFAULT, [], 0)).policy.held is not None
+    assert make_policy(sent, TrainingContext(load_scenario(), TrialSet.USUAL, [], 0)).policy.held is not None
 
 
 def test_the_remedy_for_what_cannot_be_sent_works():
-    made = make_policy(plan(f"{PUSHES}:lazy"), TrainingContext(load_scenario(), Arm.DEFAULT, [], 0))
+    made = make_policy(plan(f"{PUSHES}:lazy"), TrainingContext(load_scenario(), TrialSet.USUAL, [], 0))
     assert pickle.loads(pickle.dumps(made.policy)).held is None

@@ -18,7 +18,7 @@ from experiments.sweeps.trial_files import PARTITIONING, SCHEMA
 from experiments.sweeps.trial_rows import row_key
 from tests.experiments.sweeps.made_up_rows import made_up_row
 
-NAMES = {"policy": "CA states, contexts + LWR", "arm": "default", "engine": "drake"}
+NAMES = {"policy": "CA states, contexts + LWR", "trial_set": "usual", "engine": "drake"}
 
 
 def one_block(folder, numbers, source="a" * 16):
@@ -38,8 +38,8 @@ def test_a_trial_has_the_same_block_whatever_else_is_wanted(one, other):
 
 
 def test_rows_are_written_and_read_by_pandas_and_duckdb_without_us(tmp_path):
-    for arm in ("default", "stress"):
-        for block in blocks_of(tmp_path, f"{arm:a<16}", range(150), **{**NAMES, "arm": arm}):
+    for trial_set in ("usual", "hard"):
+        for block in blocks_of(tmp_path, f"{trial_set:a<16}", range(150), **{**NAMES, "trial_set": trial_set}):
             held = hold(block)
             for number in block.numbers:
                 held.add(made_up_row(number))
@@ -48,10 +48,11 @@ def test_rows_are_written_and_read_by_pandas_and_duckdb_without_us(tmp_path):
     assert len(frame) == 300
     assert frame["key"].is_unique
     assert set(frame["policy"]) == {NAMES["policy"]}
-    assert set(frame.columns) == {*SCHEMA.names, "policy", "arm", "engine"}
-    query = f"select arm, count(*), sum(inserted::int) from '{tmp_path}/trials/**/*.parquet' group by arm order by arm"
+    assert set(frame.columns) == {*SCHEMA.names, "policy", "trial_set", "engine"}
+    files = f"'{tmp_path}/trials/**/*.parquet'"
+    query = f"select trial_set, count(*), sum(inserted::int) from {files} group by trial_set order by trial_set"
     assert duckdb.sql(query).fetchall() == [
-        (arm, 150, int(frame.inserted[frame.arm == arm].sum())) for arm in ("default", "stress")
+        (trial_set, 150, int(frame.inserted[frame.trial_set == trial_set].sum())) for trial_set in ("hard", "usual")
     ]
 
 

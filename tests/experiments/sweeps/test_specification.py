@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from experiments.sweeps.assignments import assignments
 from experiments.sweeps.factors import make_cells
 from experiments.sweeps.specification import DemonstrationPlan, overridden, plan_in, read_specification
-from experiments.trial.trial_set import Arm
+from experiments.trial.trial_set import TrialSet
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.scenario import load_scenario
 
@@ -111,7 +111,7 @@ def test_a_design_that_makes_no_sense_is_refused(vary, design, message):
 def test_the_defaults_are_one_set_of_thirty_and_twenty_default_trials_in_drake(tmp_path):
     found = read(tmp_path, PLAIN)
     (policy,) = found.policies
-    assert (found.title, found.arms, found.engines) == ("sweep", [Arm.DEFAULT], ["exact"])
+    assert (found.title, found.trial_sets, found.engines) == ("sweep", [TrialSet.USUAL], ["exact"])
     assert (found.first, found.policies[0].trials) == (0, 20)
     plan = policy.demonstrations
     assert plan == DemonstrationPlan([0], good=24, bad=6)
@@ -160,7 +160,7 @@ def test_a_factor_of_the_training_changes_the_demonstrations_of_every_policy_tha
         ("policies: {}", "policies is empty"),
         ("title: 3\n" + PLAIN, "title is 3, expected a name"),
         ("trails: {number: 3}\n" + PLAIN, "unknown key 'trails'"),
-        ("arms: [hard]\n" + PLAIN, "arms is ['hard'], expected a list of some of"),
+        ("trial_sets: [harder]\n" + PLAIN, "trial_sets is ['harder'], expected a list of some of"),
         ("engines: [drake, drake]\n" + PLAIN, "expected each one once"),
         ("engines: []\n" + PLAIN, "expected a list of some of"),
         ("vary: {contact.frictoin: [0.1]}\n" + PLAIN, "unknown key 'contact.frictoin' of the scenario"),
@@ -172,7 +172,7 @@ def test_a_factor_of_the_training_changes_the_demonstrations_of_every_policy_tha
             "['learn', 'skill'], expected one of learn, skill and make",
         ),
         ("policies: {a: {make: push}}", "expected an import path such as package.module:function"),
-        ("policies: {a: {learn: {}, for_all_arms: true}}", "policies.a.for_all_arms is true, expected false"),
+        ("policies: {a: {learn: {}, for_all_trial_sets: true}}", "for_all_trial_sets is true, expected false"),
         ("policies: {a: {make: 'b:c', with: {d: 2026-01-01}}}", "expected names with plain values"),
         ("vary: {training.size: [3]}\npolicies: {a: {make: 'b:c'}}", "is varied, but no policy learns"),
         ("demonstrations: {select: first}\n" + PLAIN, "demonstrations.select is 'first', expected an import path"),
@@ -193,7 +193,7 @@ def test_a_specification_that_is_wrong_is_one_line_that_names_the_file_and_the_k
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ("trials: {number: 1000000}\narms: [default, stress]", "more than 1,000,000 trials"),
+        ("trials: {number: 1000000}\ntrial_sets: [usual, hard]", "more than 1,000,000 trials"),
         ("trials: {number: 1000}\ndesign: {random: 1000}\nvary: {contact.friction: {uniform: [0.1, 0.3]}}\n"
          "engines: [exact, drake]", "more than 1,000,000 trials"),
         (f"demonstrations: {{sets: {list(range(300))}}}\ntrials: {{number: 5000}}", "more than 1,000,000 trials"),
@@ -203,7 +203,7 @@ def test_a_specification_that_is_wrong_is_one_line_that_names_the_file_and_the_k
 )  # fmt: skip
 def test_a_design_that_is_too_large_is_named_at_once(tmp_path, changes, message):
     before = time.process_time()
-    with pytest.raises(ValueError, match=f"^sweep .*cells, policies, sets, arms and engines make {message}"):
+    with pytest.raises(ValueError, match=f"^sweep .*sets of trials and engines make {message}"):
         read(tmp_path, f"policies: {{skill: {{learn: {{}}}}}}\n{changes}\n")
     assert time.process_time() - before < 5.0
 

@@ -41,7 +41,7 @@ def test_a_skill_performs_the_trials_of_the_rig(specification, perform, skill_fi
     for (_, row), (result, _) in zip(rows.iterrows(), results, strict=True):
         expected = result_columns(result)
         assert {name: row[name] for name in expected} == expected
-        assert (row.policy, row.arm, row.engine, row.factors) == ("mine", "default", "drake", "{}")
+        assert (row.policy, row.trial_set, row.engine, row.factors) == ("mine", "usual", "drake", "{}")
         assert row.clearance == pytest.approx(0.005)
 
 

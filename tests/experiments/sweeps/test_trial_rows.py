@@ -7,7 +7,7 @@ import pytest
 from experiments.sweeps import trial_rows
 from experiments.sweeps.trial_files import SCHEMA
 from experiments.sweeps.trial_rows import TrialSource, scenario_columns
-from experiments.trial.trial_set import Arm
+from experiments.trial.trial_set import TrialSet
 from models.scenario import load_scenario
 from tests.experiments.sweeps.made_up_rows import made_up_row
 
@@ -19,7 +19,7 @@ def in_engine(engine):
 
 
 def source(**changes):
-    plain = TrialSource(load_scenario(), Arm.DEFAULT, "p" * 16, "push", "{}")
+    plain = TrialSource(load_scenario(), TrialSet.USUAL, "p" * 16, "push", "{}")
     return replace(plain, **changes)
 
 
@@ -27,7 +27,7 @@ def source(**changes):
     "changes",
     [
         {"scenario": load_scenario("tight")},
-        {"arm": Arm.STRESS},
+        {"trial_set": TrialSet.HARD},
         {"scenario": in_engine("exact")},
         {"policy": "q" * 16},
         {"name": "shove"},

@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from experiments.trial.run_trial import run_trial, run_trials
 from experiments.trial.trial_set import (
-    STRESS_FRICTION,
-    STRESS_PIVOT,
-    STRESS_TILT,
+    HARD_FRICTION,
+    HARD_PIVOT,
+    HARD_TILT,
     TRIAL_STREAM,
-    Arm,
-    stress_tilt,
+    TrialSet,
+    hard_tilt,
     trial_scenario,
 )
 from models.clearance import start_of_clearance
@@ -215,35 +215,35 @@ def test_the_number_of_jobs_does_not_change_the_results(quick_scenario, skill):
 
 
 @given(number=st.integers(0, 10**6))
-def test_a_trial_of_the_stress_arm_is_hard_and_one_of_the_scenario(number):
+def test_a_trial_of_the_hard_set_is_hard_and_one_of_the_scenario(number):
     scenario = Scenario()
-    hard = trial_scenario(scenario, number=number, arm=Arm.STRESS)
-    assert math.hypot(*hard.start.tilt) > STRESS_TILT
+    hard = trial_scenario(scenario, number=number, trial_set=TrialSet.HARD)
+    assert math.hypot(*hard.start.tilt) > HARD_TILT
     assert max(map(abs, hard.start.tilt)) <= scenario.start.tilt_range
-    assert STRESS_PIVOT <= abs(hard.rig.pivot_height) <= scenario.rig.pivot_range
-    assert STRESS_FRICTION[0] <= hard.contact.friction <= STRESS_FRICTION[1]
-    assert trial_scenario(scenario, number=number, arm=Arm.STRESS) == hard
+    assert HARD_PIVOT <= abs(hard.rig.pivot_height) <= scenario.rig.pivot_range
+    assert HARD_FRICTION[0] <= hard.contact.friction <= HARD_FRICTION[1]
+    assert trial_scenario(scenario, number=number, trial_set=TrialSet.HARD) == hard
 
 
-def test_the_tilts_of_the_stress_arm_follow_a_narrow_entrance():
+def test_the_tilts_of_the_hard_set_follow_a_narrow_entrance():
     narrow, wide = Scenario(), Scenario()
     narrow.geometry.hole_radius, wide.geometry.hole_radius = 0.010025, 0.0102
     ratio = math.acos(0.010 / 0.010025) / math.acos(0.010 / 0.01005)
-    assert stress_tilt(narrow) == pytest.approx(ratio * STRESS_TILT)
-    assert stress_tilt(Scenario()) == stress_tilt(wide) == STRESS_TILT
-    hard = trial_scenario(start_of_clearance(narrow), number=84001, arm=Arm.STRESS)
-    assert ratio * STRESS_TILT < math.hypot(*hard.start.tilt) < math.acos(0.010 / 0.010025)
+    assert hard_tilt(narrow) == pytest.approx(ratio * HARD_TILT)
+    assert hard_tilt(Scenario()) == hard_tilt(wide) == HARD_TILT
+    hard = trial_scenario(start_of_clearance(narrow), number=84001, trial_set=TrialSet.HARD)
+    assert ratio * HARD_TILT < math.hypot(*hard.start.tilt) < math.acos(0.010 / 0.010025)
 
 
-def test_the_stress_arm_has_pivots_on_both_sides_and_all_directions_of_tilt():
-    hard = [trial_scenario(Scenario(), number=n, arm=Arm.STRESS) for n in range(40)]
+def test_the_hard_set_has_pivots_on_both_sides_and_all_directions_of_tilt():
+    hard = [trial_scenario(Scenario(), number=n, trial_set=TrialSet.HARD) for n in range(40)]
     assert {np.sign(s.rig.pivot_height) for s in hard} == {-1.0, 1.0}
     assert {(s.start.tilt[0] > 0, s.start.tilt[1] > 0) for s in hard} == {(a, b) for a in (0, 1) for b in (0, 1)}
 
 
 @pytest.mark.parametrize(("part", "name", "value"), [("start", "tilt_range", 0.04), ("rig", "pivot_range", 0.001)])
-def test_a_scenario_without_hard_trials_has_no_stress_arm(part, name, value):
+def test_a_scenario_without_hard_trials_has_no_hard_set(part, name, value):
     scenario = Scenario()
     setattr(getattr(scenario, part), name, value)
-    with pytest.raises(ValueError, match="or no trial is one of the stress arm"):
-        trial_scenario(scenario, number=0, arm=Arm.STRESS)
+    with pytest.raises(ValueError, match="or no trial is a hard one"):
+        trial_scenario(scenario, number=0, trial_set=TrialSet.HARD)

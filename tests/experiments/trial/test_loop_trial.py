@@ -9,7 +9,7 @@ import pytest
 from experiments.trial.diagram_trial import run_rig
 from experiments.trial.loop_trial import rolled_out
 from experiments.trial.run_trial import run_trial
-from experiments.trial.trial_set import Arm, trial_scenario
+from experiments.trial.trial_set import TrialSet, trial_scenario
 from models.scenario import load_scenario
 from scripts.command_line import SHIPPED
 from skill.data.outcome import Outcome
@@ -28,13 +28,13 @@ def shipped():
     return ManipulationSkill.load(SHIPPED)
 
 
-def scenario_of(number, arm=Arm.DEFAULT, **changes):
+def scenario_of(number, trial_set=TrialSet.USUAL, **changes):
     scenario = load_scenario()
     scenario.contact.engine = "exact"
     for name, value in changes.items():
         part, key = name.split("__")
         setattr(getattr(scenario, part), key, value)
-    return trial_scenario(scenario, number=number, arm=arm)
+    return trial_scenario(scenario, number=number, trial_set=trial_set)
 
 
 def compared(scenario, policy):
@@ -57,9 +57,9 @@ def compared(scenario, policy):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "arm"), [(501, Arm.DEFAULT), (502, Arm.STRESS), (503, Arm.STRESS)])
-def test_a_trial_is_inserted_alike(shipped, number, arm):
-    assert compared(scenario_of(number, arm), shipped).outcome is Outcome.INSERTED
+@pytest.mark.parametrize(("number", "trial_set"), [(501, TrialSet.USUAL), (502, TrialSet.HARD), (503, TrialSet.HARD)])
+def test_a_trial_is_inserted_alike(shipped, number, trial_set):
+    assert compared(scenario_of(number, trial_set), shipped).outcome is Outcome.INSERTED
 
 
 @pytest.mark.slow
@@ -77,7 +77,7 @@ def test_a_trial_that_runs_out_of_time_ends_alike(shipped):
 
 @pytest.mark.slow
 def test_a_fault_ends_a_trial_alike(shipped):
-    result = compared(scenario_of(505, Arm.STRESS, stepper__holding_torque=0.02), shipped)
+    result = compared(scenario_of(505, TrialSet.HARD, stepper__holding_torque=0.02), shipped)
     assert result.fault in {Fault.PITCH_STEPS_LOST, Fault.YAW_STEPS_LOST}
 
 

@@ -15,7 +15,7 @@ MakeEnvironment = Callable[..., gymnasium.Env[Any, Any]]
 
 @pytest.fixture
 def make(quick_scenario: Scenario) -> Iterator[MakeEnvironment]:
-    """Makes environments, by default in the quick scenario with the wide pivots of the stress arm, and closes them."""
+    """Makes environments, by default in the quick scenario with the wide pivots of the hard set, and closes them."""
     quick_scenario.rig.pivot_range = 0.003
     made = []
 

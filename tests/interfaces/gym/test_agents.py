@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.rig.control_laws import StraightPush
 from experiments.trial.run_trial import run_trial
-from experiments.trial.trial_set import Arm, trial_scenario
+from experiments.trial.trial_set import TrialSet, trial_scenario
 from interfaces.gym.agents import PolicyAgent, run_episode
 from systems.steps.faults import Fault
 
@@ -26,9 +26,9 @@ def test_the_skill_gives_the_record_of_its_trial(make, quick_scenario, skill):
 def test_a_push_gives_the_records_of_its_trials_with_back_offs(make, quick_scenario):
     quick_scenario.trial.time_limit = 1.6
     push = StraightPush(0.03)
-    env, agent = make("PegInHole-Stress-v0", policy=push, labels=False), PolicyAgent(push)
+    env, agent = make("PegInHole-Hard-v0", policy=push, labels=False), PolicyAgent(push)
     _, info = run_episode(env, agent, trial=TRIAL)
-    result, _ = run_trial(trial_scenario(quick_scenario, number=TRIAL, arm=Arm.STRESS), push, seed=TRIAL)
+    result, _ = run_trial(trial_scenario(quick_scenario, number=TRIAL, trial_set=TrialSet.HARD), push, seed=TRIAL)
     assert info["trial"] == result.record()
     assert result.back_offs > 0
 

@@ -12,7 +12,7 @@ import pytest
 from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
-from experiments.trial.trial_set import Arm, trial_scenario
+from experiments.trial.trial_set import TrialSet, trial_scenario
 from interfaces.gym.peg_in_hole import FIRST_DRAWN, PegInHole
 from models.contact_geometry import ContactLabel
 from models.scenario import Scenario
@@ -60,11 +60,11 @@ def test_a_policy_adds_its_estimates_and_the_support(make, skill):
 
 
 def test_a_seed_is_the_number_of_a_trial(make, quick_scenario):
-    env = make("PegInHole-Stress-v0")
+    env = make("PegInHole-Hard-v0")
     for call in ({"seed": TRIAL + 1}, {"options": {"trial": TRIAL + 1}}, {"seed": 1, "options": {"trial": TRIAL + 1}}):
         _, info = env.reset(**call)
         assert info["trial_number"] == TRIAL + 1
-    tilt = trial_scenario(quick_scenario, number=TRIAL + 1, arm=Arm.STRESS).start.tilt
+    tilt = trial_scenario(quick_scenario, number=TRIAL + 1, trial_set=TrialSet.HARD).start.tilt
     assert env.unwrapped._episode.result().tilt == tuple(tilt)
 
 
@@ -141,7 +141,7 @@ def test_the_label_is_that_of_the_true_pose(make):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"arm": "hard"}, r"arm is 'hard'; expected one of \['default', 'stress'\]"),
+        ({"trial_set": "harder"}, r"trial_set is 'harder'; expected one of \['usual', 'hard'\]"),
         ({"observation": "image"}, r"observation is 'image'; expected one of \['dict', 'flat'\]"),
         ({"reward": "big"}, r"reward is 'big'; expected one of \['dense', 'sparse'\]"),
         ({"scenario": "nowhere"}, "no such file"),
@@ -215,7 +215,7 @@ def test_a_reset_frees_the_simulation_before(make):
 @pytest.mark.slow
 def test_a_trial_after_another_equals_the_trial_in_a_new_diagram():
     """Pivot, friction, tilt and the seed of the sensor differ between the two trials; the way reaches into the hole."""
-    used, fresh = (PegInHole(arm="stress", labels=True) for _ in range(2))
+    used, fresh = (PegInHole(trial_set="hard", labels=True) for _ in range(2))
     used.reset(seed=TRIAL)
     steps(used, PUSH, 30)
     runs = [(env.reset(seed=TRIAL + 1), steps(env, PUSH, 60)) for env in (used, fresh)]

@@ -41,7 +41,7 @@ def test_three_numbers_make_a_curve_two_or_texts_do_not(tmp_path):
     assert curves(tmp_path) == []
     write_trials(tmp_path, rows([0.3]), block="0001")
     (curve,) = curves(tmp_path)
-    assert (curve.factor, curve.title, curve.values) == ("mu", "default arm, drake", [0.1, 0.2, 0.3])
+    assert (curve.factor, curve.title, curve.values) == ("mu", "usual trials, drake", [0.1, 0.2, 0.3])
 
 
 def test_insertions_under_limits_of_the_load_are_counted_by_hand(tmp_path):
@@ -64,13 +64,13 @@ def test_a_page_of_many_tables_has_no_curves_over_the_limits(tmp_path):
     assert limit_curves(make_scoreboard(read_trials(tmp_path))) == []
 
 
-def test_other_factors_arms_and_engines_have_curves_of_their_own(tmp_path):
+def test_other_factors_sets_and_engines_have_curves_of_their_own(tmp_path):
     values = [10, 2, 30]
     write_trials(tmp_path, rows(values) + rows(values, others={"kind": "x"}))
-    write_trials(tmp_path, rows(values), arm="stress")
+    write_trials(tmp_path, rows(values), trial_set="hard")
     write_trials(tmp_path, rows(values[:2]), engine="exact")
     titles = [curve.title for curve in curves(tmp_path)]
-    assert sorted(titles) == ["default arm, drake", "default arm, drake, kind x", "stress arm, drake"]
+    assert sorted(titles) == ["hard trials, drake", "usual trials, drake", "usual trials, drake, kind x"]
     assert curves(tmp_path)[0].values == [2, 10, 30]
 
 

@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("franky")
 pytest.importorskip("franky_sim")
 
-from experiments.trial.trial_set import Arm, trial_scenario
+from experiments.trial.trial_set import TrialSet, trial_scenario
 from interfaces.robots import fr3_twin
 from interfaces.robots.fr3_twin import SENSOR_PAGE_PORT, SENSOR_PORT, Fr3Twin
 from interfaces.robots.franky_arm import FORCE_LIMIT as FRANKA_LIMIT
@@ -62,7 +62,7 @@ def loopback_address():
 class Served:
     """A twin that a thread serves, with what its arm does."""
 
-    def __init__(self, seed=3, trials=Arm.DEFAULT, **changes):
+    def __init__(self, seed=3, trials=TrialSet.USUAL, **changes):
         self.scenario = load_scenario("fr3")
         for name, value in changes.items():
             setattr(self.scenario.arm, name, value)
