@@ -55,7 +55,7 @@ def main(
     trials_of: Annotated[
         Literal["usual", "hard"],
         typer.Option(help="Which trials: all that the scenario contains, or only the hard ones."),
-    ] = "default",
+    ] = "usual",
     scenario: ScenarioName = "nominal",
     engine: Engine = None,
     out: OutFolder = Path("out/rig"),

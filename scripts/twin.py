@@ -19,7 +19,7 @@ def main(
     trials_of: Annotated[
         Literal["usual", "hard"],
         typer.Option(help="Which trials the holes are of: all that the scenario contains, or only the hard ones."),
-    ] = "default",
+    ] = "usual",
     offset_mm: Annotated[
         float | None,
         typer.Option(
