@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
@@ -104,7 +103,7 @@ def _monitor(scenario: Scenario, environment: PegEnvironment, context: Context) 
     return EventStatus.DidNothing()
 
 
-def run_demonstration(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Demonstration:
+def run_demonstration(scenario: Scenario) -> Demonstration:
     """Simulates a resolved scenario until the peg is inserted, the operator gives up, or the time is over."""
-    run = DemonstrationRun(scenario, MakeVirtualEnvironment(scenario, meshcat=meshcat))
+    run = DemonstrationRun(scenario, MakeVirtualEnvironment(scenario))
     return run.demonstration(run.advance(scenario.recorder.time_limit) or Ending(Outcome.TIME_OVER))

@@ -29,10 +29,7 @@ if TYPE_CHECKING:
 
 PRACTICE_TRIALS, CORRECTIONS = 16, 8
 SKILL, UNFINISHED = "skill.npz", ".unfinished-demo.json"
-PICTURES = (
-    *("fig3_demonstration.png", "fig5_insertion.png", "rig_trials.png", "replay_demonstration.html"),
-    *("recording_demonstration.html", "recording_insertion.html"),
-)
+PICTURES = (*("fig3_demonstration.png", "fig5_insertion.png", "rig_trials.png", "replay_demonstration.html"),)
 
 
 def main(
@@ -53,9 +50,8 @@ def main(
     uses seed x trials as its seed, so that another seed gives other trials.
 
     Reads a scenario. Writes into the folder of `--out` the recordings, the skill, the runs with their report and
-    replays, three figures, a replay of one demonstration, and Meshcat recordings of it and of one insertion. Replaces
-    what an earlier demo left there, once the new recordings and runs are complete; never other files, and never live
-    recordings. Goes on after an interruption.
+    replays, three figures and a replay of one demonstration. Replaces what an earlier demo left there, once the new
+    recordings and runs are complete; never other files, and never live recordings. Goes on after an interruption.
 
     For example:
 
@@ -75,7 +71,6 @@ def main(
     from interfaces.terminal import only_progress, say, show
     from models.scenario import dump_scenario
     from skill.data.files import write_atomically
-    from skill.manipulation_skill import ManipulationSkill
 
     start_time = time.monotonic()
     recorded, inserted, skill_file, state_file = out / "demonstrations", out / "rig", out / SKILL, out / UNFINISHED
@@ -130,7 +125,7 @@ def main(
         demonstration = max(recordings, key=starting_tilt)
         hardest = max(results, key=lambda r: (r.inserted, abs(r.tilt[0]) + abs(r.tilt[1])))
         with named_errors(out, "the recordings, the skill and the runs are complete"):
-            write_pictures(demonstration, hardest, results, skill, out)
+            write_pictures(demonstration, hardest, results, out)
         state_file.unlink()
     if not verbose:
         show(state_table(skill))
@@ -151,38 +146,25 @@ def starting_tilt(recording: Path) -> float:
     return demonstration.good * float(demonstration.samples["angle"].iloc[0])
 
 
-def write_pictures(
-    demonstration: Path, hardest: TrialResult, results: Sequence[TrialResult], skill: ManipulationSkill, out: Path
-) -> None:
-    """Writes figures (Fig. 3 and Fig. 5 of the paper, and all trials), a replay and Meshcat recordings.
+def write_pictures(demonstration: Path, hardest: TrialResult, results: Sequence[TrialResult], out: Path) -> None:
+    """Writes figures (Fig. 3 and Fig. 5 of the paper, and all trials), and a replay.
 
     They show one demonstration and the hardest insertion.
     """
     import pandas as pd
 
-    from experiments.demonstration_run import run_demonstration
-    from experiments.trial.run_trial import run_trial
     from interfaces.reports.replay_page import write_replay
     from interfaces.terminal import progress
-    from models.scenario import parse_scenario
     from skill.data.demonstration import read_demonstration
     from skill.data.rig_run import read_rig_run
     from skill.figures.paper_figures import plot_demonstration, plot_outcomes, plot_run, save_figure
-    from systems.visualization.meshcat_scene import recorded
 
     shown = read_demonstration(demonstration)
     run = read_rig_run(out / "rig" / rig.RUN.format(hardest.seed))
-    shown_in, performed_in = (parse_scenario(r.metadata["scenario"], "stored scenario") for r in (shown, run))
-    with progress("figures and recordings", 4) as advance:
+    with progress("figures and a replay", 2) as advance:
         save_figure(plot_demonstration(shown), out / "fig3_demonstration.png")
         save_figure(plot_run(run), out / "fig5_insertion.png")
         save_figure(plot_outcomes(pd.DataFrame([r.record() for r in results])), out / "rig_trials.png")
         advance("figures")
         write_replay(demonstration, out / "replay_demonstration.html", skill=out / SKILL)
         advance("replay of the demonstration")
-        with recorded(out / "recording_demonstration.html") as meshcat:
-            run_demonstration(shown_in, meshcat=meshcat)
-        advance("recording of the demonstration")
-        with recorded(out / "recording_insertion.html", states=skill.state_names()) as meshcat:
-            run_trial(performed_in, skill, seed=hardest.seed, meshcat=meshcat)
-        advance("recording of the insertion")

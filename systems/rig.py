@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import Meshcat
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
 
@@ -27,29 +26,23 @@ from systems.recording.run_recorder import AddRunRecorder, RunRecorder
 from systems.rig_diagram import RigDiagram, start_angles
 from systems.steps.force_guard import StoppingModel
 from systems.steps.limits import check_limits, drive_limits
-from systems.visualization.meshcat_scene import FRAME
-from systems.visualization.plant_display import RigDisplay
-from systems.visualization.state_display import StateDisplay
 
 
-def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = None) -> RigDiagram:
+def MakeRig(scenario: Scenario, skill: RigPolicy) -> RigDiagram:
     """Builds the diagram of a resolved scenario, of the rig or of the arm that carries the peg instead.
 
     Args:
         scenario: resolved; the tilt of its start is that of the peg relative to the hole.
         skill: the policy, such as a skill or a control law (see `systems.control.control_law`).
-        meshcat: where to draw; None draws nothing.
 
     Raises:
         ValueError: if the scenario is not resolved, or the policy was trained for another peg or hole.
     """
     if scenario.carrier != RIG:
-        return MakeArm(scenario, skill, meshcat=meshcat)
+        return MakeArm(scenario, skill)
     builder = DiagramBuilder()
     plant = AddEngine(builder, scenario)
-    if meshcat is not None:
-        RigDisplay.AddToBuilder(builder, scenario, plant, meshcat, FRAME)
-    return WireRig(builder, scenario, skill, plant, meshcat=meshcat)
+    return WireRig(builder, scenario, skill, plant)
 
 
 def AddEngine(builder: DiagramBuilder, scenario: Scenario) -> RigPlant:
@@ -64,10 +57,8 @@ def WireRig(
     scenario: Scenario,
     skill: RigPolicy,
     plant: RigPlant,
-    *,
-    meshcat: Meshcat | None = None,
 ) -> RigDiagram:
-    """Adds sensors, motors, controller and a display of the state to a plant, and builds the diagram; see `MakeRig`."""
+    """Adds sensors, motors and controller to a plant, and builds the diagram; see `MakeRig`."""
     check_start(scenario)
     check_geometry(scenario, skill)
     angles = dict(zip(stepper_axes(scenario), start_angles(scenario), strict=True))
@@ -83,8 +74,6 @@ def WireRig(
     sensor = AddSensor(builder, scenario, plant.reaction_forces, weld=plant.sensor, weight=plant.weight)
     _connect_monitors(builder, plant, law, sensor, drives)
     _connect_motors(builder, plant, law, drives)
-    if meshcat is not None:
-        _add_state_display(builder, scenario, skill, plant, law, meshcat)
     recorder = _add_recorder(builder, scenario, plant, law, drives)
     steppers = tuple(drives.steppers.values())
     diagram = builder.Build()
@@ -162,28 +151,6 @@ def _connect_motors(builder: DiagramBuilder, plant: RigPlant, law: Law, drives: 
         builder.Connect(stepper.GetOutputPort("equilibrium_angle"), equilibrium.get_input_port(k))
     builder.Connect(rates.get_output_port(), equilibrium.get_input_port(n))
     builder.Connect(equilibrium.get_output_port(), plant.gimbal_equilibrium)
-
-
-def _add_state_display(
-    builder: DiagramBuilder,
-    scenario: Scenario,
-    policy: RigPolicy,
-    plant: RigPlant,
-    law: Law,
-    meshcat: Meshcat,
-) -> None:
-    display = builder.AddNamedSystem(
-        "state_display",
-        StateDisplay(
-            meshcat=meshcat,
-            n_states=len(policy.state_names()),
-            geometry=scenario.geometry,
-            home=scenario.sensor.height,
-            period=FRAME,
-        ),
-    )
-    builder.Connect(law.estimator.GetOutputPort("state"), display.GetInputPort("state"))
-    builder.Connect(plant.carriage_state, display.GetInputPort("carriage_state"))
 
 
 def _add_recorder(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
@@ -23,8 +22,6 @@ from systems.math.rotation import from_rotation_vector
 from systems.operators.simulated_operator import SimulatedOperator
 from systems.plant.peg_plant import AddPegPlant, PegPlant
 from systems.recording.demonstration_recorder import DemonstrationRecorder
-from systems.visualization.meshcat_scene import FRAME
-from systems.visualization.plant_display import PegDisplay
 
 
 @dataclass(frozen=True)
@@ -112,7 +109,6 @@ def MakeVirtualEnvironment(
     *,
     fixture: VirtualFixture | None = None,
     operator: LeafSystem | None = None,
-    meshcat: Meshcat | None = None,
 ) -> VirtualEnvironment:
     """Builds the diagram of a resolved scenario; simulates nothing.
 
@@ -121,7 +117,6 @@ def MakeVirtualEnvironment(
         fixture: virtual fixture; None makes the one that the scenario names.
         operator: system with an output ``hand_pose``, the pose to which it moves the probe, and optional inputs
             ``peg_pose`` and ``rendered_wrench``; None makes the simulated operator.
-        meshcat: Meshcat to draw into; None draws nothing.
 
     Raises:
         ValueError: if the scenario is not resolved, or its coupling is not stable (see `coupling_margins`).
@@ -146,8 +141,6 @@ def MakeVirtualEnvironment(
     connect_device(builder, operator=operator, device=device, proxy=proxy, observer=observer)
     builder.Connect(proxy.GetOutputPort("probe_wrench"), device.GetInputPort("virtual_wrench"))
     builder.Connect(device.GetOutputPort("probe_pose"), recorder.GetInputPort("probe_pose"))
-    if meshcat is not None:
-        PegDisplay.AddToBuilder(builder, scenario, plant, meshcat, FRAME)
     diagram = builder.Build()
     diagram.set_name("virtual_environment")
     return VirtualEnvironment(diagram, plant, log, X_HP_start, energy_log, device)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
-from pydrake.geometry import Meshcat
-
 from experiments.trial.diagram_trial import kept_rig, run_rig
 from experiments.trial.ended_trial import EndedTrial
 from experiments.trial.loop_trial import rolled_out
@@ -29,21 +27,15 @@ def run_trials(
     yield from run_in_processes(tasks, jobs=jobs)
 
 
-def run_trial(
-    scenario: Scenario, skill: RigPolicy, *, seed: int, meshcat: Meshcat | None = None
-) -> tuple[TrialResult, RigRun]:
+def run_trial(scenario: Scenario, skill: RigPolicy, *, seed: int) -> tuple[TrialResult, RigRun]:
     """Simulates one resolved scenario. An error during the simulation becomes the outcome of the trial.
 
     Args:
         scenario: resolved (see `resolve_scenario`).
         skill: the policy that controls the rig.
         seed: number of the trial, for the record.
-        meshcat: where to draw and record; None draws nothing.
     """
-    if meshcat is None:
-        ended = perform_trial(scenario, skill, number=seed)
-    else:
-        ended = run_rig(MakeRig(scenario, skill, meshcat=meshcat), scenario, seed=seed)
+    ended = perform_trial(scenario, skill, number=seed)
     return ended.result, ended.record(skill)
 
 

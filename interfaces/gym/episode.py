@@ -31,15 +31,13 @@ class Episode:
         rig: built from the same scenario, resolved with any seed.
         scenario: resolved with the seed of the trial.
         number: number of the trial.
-        realtime: whether a simulated second takes at least a second.
     """
 
-    def __init__(self, rig: RigDiagram, scenario: Scenario, number: int, *, realtime: bool = False) -> None:
+    def __init__(self, rig: RigDiagram, scenario: Scenario, number: int) -> None:
         self._rig, self._scenario = rig, scenario
         self._bodies = scenario.geometry.assembly
         self._run = TrialRun(rig, scenario, number=number)
         self._context = self._run.context
-        self._run.simulator.set_target_realtime_rate(float(realtime))
         self._run.simulator.Initialize()
         self._steps = 0
 

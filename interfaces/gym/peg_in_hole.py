@@ -10,7 +10,6 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from pydrake.geometry import Meshcat, MeshcatParams
 
 from experiments.trial.trial_set import TrialSet, trial_scenario
 from interfaces.gym.commanded_policy import CommandedPolicy
@@ -26,13 +25,12 @@ from skill.policy import RigPolicy
 from systems.plant.rig_plant import stepper_axes
 from systems.rig import MakeRig
 from systems.rig_diagram import RigDiagram
-from systems.visualization.meshcat_scene import LOCAL_HOST, aim_camera
 
 FIRST_DRAWN, LAST_DRAWN = 10_000_000, 2**31 - 1
 """Range of the numbers of trials that a reset without a seed draws. All numbers below are free for evaluations."""
 
 OBSERVATIONS = ("dict", "flat")
-HUMAN, RGB_ARRAY = "human", "rgb_array"
+RGB_ARRAY = "rgb_array"
 
 
 class PegInHole(gymnasium.Env[Any, Any]):
@@ -70,13 +68,13 @@ class PegInHole(gymnasium.Env[Any, Any]):
             back-off uses them, and the observation has them. The action then has a fourth number, the support. None is
             one state that is always known, and a support of 1.
         labels: whether ``info`` has the contact label, which adds half to the time of a step.
-        render_mode: "human" draws into a Meshcat at ``url`` in real time, "rgb_array" lets `render` return a picture.
+        render_mode: "rgb_array" lets `render` return a picture; `gymnasium.wrappers.HumanRendering` shows it.
 
     Raises:
         ValueError: for an unknown scenario, set of trials, observation, reward or render mode.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [HUMAN, RGB_ARRAY], "render_fps": 50}
+    metadata: dict[str, Any] = {"render_modes": [RGB_ARRAY], "render_fps": 50}
 
     def __init__(
         self,
@@ -93,7 +91,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         _check_choice("trial_set", trial_set, [choice.value for choice in TrialSet])
         _check_choice("observation", observation, list(OBSERVATIONS))
         _check_choice("reward", reward, list(REWARDS))
-        _check_choice("render_mode", render_mode, [None, HUMAN, RGB_ARRAY])
+        _check_choice("render_mode", render_mode, [None, RGB_ARRAY])
         self._scenario = copy.deepcopy(scenario) if isinstance(scenario, Scenario) else load_scenario(scenario)
         self._lever = self._scenario.geometry.reach  # which every step needs
         self._scenario.contact.engine = engine or self._scenario.contact.engine
@@ -109,7 +107,6 @@ class PegInHole(gymnasium.Env[Any, Any]):
         self.observation_space = spaces.flatten_space(self._parts) if self._flat else self._parts
         self.action_space = action_space(self._scenario, supported=policy is not None)
         self._action_size, self._axes = spaces.flatdim(self.action_space), len(stepper_axes(self._scenario))
-        self._meshcat: Meshcat | None = None
         self._picture: Picture | None = None
         self._rig: RigDiagram | None = None
         self._episode: Episode | None = None
@@ -117,11 +114,6 @@ class PegInHole(gymnasium.Env[Any, Any]):
         self._last: Observation = {}
         self._wrench = np.zeros(6)  # measured with the last observation, N and N m
         self._over = True
-
-    @property
-    def url(self) -> str | None:
-        """Address of the Meshcat; None if nothing is drawn."""
-        return None if self._meshcat is None else str(self._meshcat.web_url())
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -137,11 +129,8 @@ class PegInHole(gymnasium.Env[Any, Any]):
         if number is None:
             number = seed if seed is not None else int(self.np_random.integers(FIRST_DRAWN, LAST_DRAWN))
         scenario = trial_scenario(self._scenario, number=number, trial_set=self._trial_set)
-        if self.render_mode == HUMAN and self._meshcat is None:
-            self._meshcat = Meshcat(MeshcatParams(host=LOCAL_HOST))
-            aim_camera(self._meshcat)
-        self._rig = self._rig or MakeRig(scenario, self._policy, meshcat=self._meshcat)
-        self._episode = Episode(self._rig, scenario, number, realtime=self._meshcat is not None)
+        self._rig = self._rig or MakeRig(scenario, self._policy)
+        self._episode = Episode(self._rig, scenario, number)
         self._number, self._over = number, False
         self._last, self._wrench = self._observe(self._episode), self._episode.measured_wrench()
         return self._shown(self._last), self._info(self._episode)
@@ -181,7 +170,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         return self._shown(self._last), reward, terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
-        """Returns the picture (480, 480, 3) for "rgb_array"; Meshcat draws by itself.
+        """Returns the picture (480, 480, 3) for "rgb_array", else None.
 
         Raises:
             gymnasium.error.ResetNeeded: if no episode has begun.
@@ -194,13 +183,13 @@ class PegInHole(gymnasium.Env[Any, Any]):
         return self._picture.draw(*self._episode.poses())
 
     def close(self) -> None:
-        """Ends the episode and closes Meshcat."""
-        self._rig = self._episode = self._meshcat = self._picture = None
+        """Ends the episode."""
+        self._rig = self._episode = self._picture = None
         self._over = True
 
     def __getstate__(self) -> dict[str, Any]:
         """Leaves out the episode, which a copy begins with `reset`: a diagram of Drake cannot be pickled."""
-        return {**vars(self), "_rig": None, "_episode": None, "_meshcat": None, "_picture": None, "_over": True}
+        return {**vars(self), "_rig": None, "_episode": None, "_picture": None, "_over": True}
 
     def _observe(self, episode: Episode) -> Observation:
         """Returns the present observation within the bounds, which a sound trial does not leave."""

@@ -30,8 +30,9 @@ from pydrake.systems.sensors import CameraInfo
 from models.scenario import Geometry
 from skill.arrays import Array
 from systems.plant.contact_plant import BLOCK_COLOUR, PEG_COLOUR, peg_shape
-from systems.visualization.meshcat_scene import CAMERA, TARGET
 
+CAMERA = np.array([0.062, 0.055, 0.030])  # in units of m, in W; it looks at TARGET
+TARGET = np.array([0.0, 0.0, -0.004])  # in units of m, in W
 SIZE = 480  # in units of pixels, width and height
 VIEW = 0.75  # in units of rad, vertical angle of view
 NEAR, FAR = 0.005, 1.0  # in units of m, what the camera sees
@@ -41,7 +42,7 @@ LIGHTS = ((1.0, (-0.6, -0.35, -0.7)), (0.5, (0.3, -0.9, -0.2)))  # intensity and
 
 
 class Picture:
-    """Draws the peg in the hole, seen as in Meshcat.
+    """Draws the peg in the hole.
 
     It has a scene of its own, which is built once and does not touch the simulation.
 

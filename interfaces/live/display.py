@@ -7,11 +7,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Rgba
+from pydrake.geometry import Rgba, Role
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
+from interfaces.live.arrow import Arrow
 from interfaces.live.page import LivePage
+from interfaces.live.viewer_scene import ViewerScene
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.features.measurement import contact_load
@@ -19,12 +21,9 @@ from skill.practice.policy_observer import Judgement
 from skill.states.state_style import state_colours
 from systems.math.rotation import from_rotation_vector
 from systems.operators.person_frame import R_HV
-from systems.plant.contact_plant import AddVirtualPlant, peg_shape
+from systems.plant.contact_plant import AddVirtualPlant, ContactPlant, peg_shape
 from systems.servo.probe import Probe
 from systems.virtual_environment import start_pose
-from systems.visualization.arrow import Arrow
-from systems.visualization.meshcat_scene import aim_camera
-from systems.visualization.plant_display import draw_bodies
 
 RENDERED_SCALE, CONTACT_SCALE = 250.0, 1500.0  # in units of N/m of arrow; panel.html states them too
 # An arrow is a little transparent, so that the viewer draws it last: see `Arrow`.
@@ -99,6 +98,9 @@ class LiveDisplay:
         for label, (key, _) in VIEWS.items():
             page.controls.AddButton(label, key)
         self._view = next(iter(VIEWS))
+        for path in ("/Grid", "/Axes"):  # they are metres wide
+            page.scene.SetProperty(path, "visible", False)
+        page.scene.SetProperty("/Lights/AmbientLight/<object>", "intensity", 0.9)
         page.show(motion=moves_hand)
         self.reset_camera()
 
@@ -232,7 +234,7 @@ class LiveDisplay:
 
     def reset_camera(self) -> None:
         """Puts the camera back to the view chosen last."""
-        aim_camera(self._page.scene, camera=R_HV @ np.array(VIEWS[self._view][1]), target=CAMERA_TARGET)
+        self._page.scene.SetCameraPose(R_HV @ np.array(VIEWS[self._view][1]), CAMERA_TARGET)
 
     def follow_view_buttons(self) -> None:
         """Moves the camera if the button of a view has been clicked."""
@@ -240,6 +242,18 @@ class LiveDisplay:
             if self._page.controls.clicked(label):
                 self._view = label
                 self.reset_camera()
+
+
+def draw_bodies(scene: ViewerScene, contact: ContactPlant) -> None:
+    """Draws the pictures of the bodies of a plant, each below a path that has the pose of its body."""
+    plant, inspector = contact.plant, contact.scene_graph.model_inspector()
+    for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
+        body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+        instance = plant.GetModelInstanceName(body.model_instance())
+        path = f"plant/{instance}/{body.name()}/{inspector.GetName(geometry)}"
+        rgba = inspector.GetIllustrationProperties(geometry).GetProperty("phong", "diffuse")
+        scene.SetObject(path, inspector.GetShape(geometry), rgba)
+        scene.SetTransform(path, inspector.GetPoseInFrame(geometry))
 
 
 def _seen_tilt(axis: Array) -> dict[str, float]:

@@ -67,11 +67,11 @@ class ViewerScene:
         }
         self._put("set_object", path, object=lowered)
 
-    def SetTransform(self, path: str, X_ParentPath: RigidTransform, *when: float) -> None:
-        """Moves ``path`` in its parent. Nothing is recorded: a time ``when`` is ignored, as in `SetProperty`."""
+    def SetTransform(self, path: str, X_ParentPath: RigidTransform) -> None:
+        """Moves ``path`` in its parent."""
         self._put("set_transform", path, matrix=X_ParentPath.GetAsMatrix4().T.ravel().tolist())
 
-    def SetProperty(self, path: str, name: str, value: Any, *when: float) -> None:
+    def SetProperty(self, path: str, name: str, value: Any) -> None:
         """Changes a property of the object at ``path``."""
         self._put("set_property", path, name, property=name, value=value)
 

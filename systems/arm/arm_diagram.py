@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder
 
@@ -23,7 +22,6 @@ from systems.plant.held_peg import Compliance, HeldPeg
 from systems.recording.run_recorder import AddRunRecorder
 from systems.rig_diagram import RigDiagram
 from systems.steps.force_guard import StoppingModel
-from systems.visualization.meshcat_scene import FRAME
 
 
 @dataclass(frozen=True)
@@ -106,13 +104,12 @@ def stopping_of(scenario: Scenario, kinematics: ArmKinematics, delay: float = 0.
     )
 
 
-def MakeArm(scenario: Scenario, policy: RigPolicy, *, meshcat: Meshcat | None = None) -> RigDiagram:
+def MakeArm(scenario: Scenario, policy: RigPolicy) -> RigDiagram:
     """Builds the diagram of a resolved scenario whose carrier is an arm.
 
     Args:
         scenario: resolved.
         policy: that acts.
-        meshcat: where to draw; None draws nothing.
 
     Raises:
         ValueError: if the scenario is not resolved, the policy was trained for another peg or hole, the arm does not
@@ -146,9 +143,6 @@ def MakeArm(scenario: Scenario, policy: RigPolicy, *, meshcat: Meshcat | None = 
     builder.Connect(motion.GetOutputPort("anchor"), peg.GetInputPort("anchor"))
     builder.Connect(peg.GetOutputPort("held_wrench"), motion.GetInputPort("held_wrench"))
     builder.Connect(motion.GetOutputPort("forces"), bodies.plant.get_applied_spatial_force_input_port())
-    if meshcat is not None:
-        parameters = MeshcatVisualizerParams(publish_period=FRAME)
-        MeshcatVisualizer.AddToBuilder(builder, bodies.scene_graph, meshcat, parameters)
     recorder = AddRunRecorder(
         builder=builder,
         ports={**law.recorded(AXES), ("carriage", *AXES): peg.GetOutputPort("as_on_rig")},

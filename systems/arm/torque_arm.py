@@ -16,8 +16,8 @@ from systems.arm.tip_servo import TipMotion
 from systems.law import AddSensor
 from systems.plant.held_peg import HeldPeg
 from systems.steps.wrench_sensor import wrench_at_tip
-from systems.visualization.meshcat_scene import FRAME
 
+PICTURE_PERIOD = 1 / 32  # in units of s
 FRICTION = 0.2
 """Of a joint that moves, N m, as in Franka Robotics' franka_description."""
 
@@ -55,7 +55,7 @@ class TorqueArm:
         self._sensor = AddSensor(builder, scenario, self._peg.GetOutputPort("reaction_forces"), weld=0, weight=0.0)
         builder.ExportInput(self._bodies.torques, "torques")
         if meshcat is not None:
-            parameters = MeshcatVisualizerParams(publish_period=FRAME)
+            parameters = MeshcatVisualizerParams(publish_period=PICTURE_PERIOD)
             MeshcatVisualizer.AddToBuilder(builder, self._bodies.scene_graph, meshcat, parameters)
         diagram = builder.Build()
         diagram.set_name("arm")

@@ -290,7 +290,6 @@ def test_the_picture_shows_the_peg_in_the_cut_hole(make):
     assert 0.05 < shown < 0.5
     assert 0.1 < white < 0.7
     assert not np.array_equal(above, env.render())
-    assert env.unwrapped.url is None
 
 
 def test_the_default_scenario_has_the_default_spaces():

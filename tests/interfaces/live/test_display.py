@@ -24,7 +24,7 @@ from skill.policy import Action
 from skill.practice.policy_observer import Judgement
 from systems.math.rotation import from_rotation_vector
 from systems.operators.person_frame import R_HV, hand_pose
-from tests.systems.visualization.canvas import Canvas
+from tests.interfaces.live.canvas import Canvas
 
 START = np.array([0.01, 0.02, 0.03])
 

@@ -21,12 +21,11 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 from tornado.websocket import websocket_connect
 
+from interfaces.live.display import draw_bodies
 from interfaces.live.messages import Outbox
 from interfaces.live.viewer_scene import ViewerScene
 from models.scenario import Scenario
 from systems.plant.contact_plant import AddVirtualPlant
-from systems.visualization.meshcat_scene import aim_camera
-from systems.visualization.plant_display import draw_bodies
 
 POSE = RigidTransform(RotationMatrix.MakeXRotation(0.3), [1.0, 2.0, 3.0])
 IGNORED = {"uuid", "vertexColors", "linewidth", "reflectivity", "wireframe", "wireframeLineWidth"}  # Drake's defaults
@@ -39,7 +38,7 @@ def draw(meshcat):
     meshcat.SetTransform("rod", POSE)
     meshcat.SetProperty("grey", "scale", [2.0, 2.0, 2.0])
     meshcat.SetProperty("rod/<object>", "renderOrder", 3.0)
-    aim_camera(meshcat, camera=np.array([1.0, 2.0, 3.0]), target=np.array([4.0, 5.0, 6.0]))
+    meshcat.SetCameraPose(np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]))
 
 
 def sent_by(meshcat):
@@ -92,7 +91,7 @@ def test_the_messages_are_those_of_drake():
     for meshcat in (reference, ViewerScene(outbox)):
         draw(meshcat)
     theirs, ours = sent_by(reference), by_key(outbox.since(0)[1])
-    assert len(ours) == 12
+    assert len(ours) == 9
     for key, message in ours.items():
         assert_same(message, theirs[key])
 
@@ -105,7 +104,7 @@ def test_peg_and_block_look_as_drake_draws_them():
     MeshcatVisualizer.AddToBuilder(
         builder, contact.scene_graph, reference, MeshcatVisualizerParams(role=Role.kIllustration, prefix="theirs")
     )
-    assert set(draw_bodies(ViewerScene(outbox), contact)) == {"plant/peg/peg", "plant/hole/block"}
+    draw_bodies(ViewerScene(outbox), contact)
     diagram = builder.Build()
     diagram.ForcedPublish(diagram.CreateDefaultContext())
     theirs, ours = sent_by(reference), by_key(outbox.since(0)[1])

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from pydrake.geometry import Rgba
 
-from systems.visualization.arrow import Arrow
-from tests.systems.visualization.canvas import Canvas
+from interfaces.live.arrow import Arrow
+from tests.interfaces.live.canvas import Canvas
 
 
 def make_arrow(scale=100.0):
@@ -37,10 +37,3 @@ def test_an_arrow_is_drawn_over_the_other_objects_in_linear_light():
     assert ("a/head/cone", "color") not in canvas.properties  # it has this colour already
     dut.set_colour(Rgba(1.0, 0.5, 0.0, 0.99))
     np.testing.assert_allclose(canvas.properties["a/head/cone", "color"], [1.0, 0.5**2.2, 0.0, 0.99])
-
-
-def test_a_recording_gets_the_time():
-    canvas, dut = make_arrow()
-    dut.draw(np.zeros(3), np.array([0.0, 0.0, 2.0]), 0.5)
-    assert ("a", 0.5) in canvas.transforms_at
-    assert canvas.properties_at["a/shaft", "scale", 0.5] == pytest.approx([1.0, 1.0, 0.016])

@@ -1,32 +1,19 @@
-"""An arrow of a force or a velocity in a Meshcat scene."""
+"""An arrow of a force or a velocity in the scene of the page."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
 
 import numpy as np
-from pydrake.geometry import Cylinder, MeshcatCone, Rgba, Shape
+from pydrake.geometry import Cylinder, MeshcatCone, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 
+from interfaces.live.viewer_scene import ViewerScene
 from skill.arrays import Array
 from systems.math.rotation import from_rotation_vector, rotation_between
 
 RADIUS, HEAD_RADIUS, HEAD_LENGTH = 0.0008, 0.002, 0.004  # in units of m
 SMALLEST = 1e-6  # scale of what has no length: an object without volume has no normals
-
-
-class Scene(Protocol):
-    """What an arrow needs of Drake's Meshcat, or of the scene of the live page."""
-
-    def SetObject(self, path: str, shape: Shape, rgba: Rgba) -> None:
-        """Replaces the object at a path."""
-
-    def SetTransform(self, path: str, X_ParentPath: RigidTransform, *when: float) -> None:
-        """Moves a path."""
-
-    def SetProperty(self, path: str, name: str, value: Any, *when: float) -> None:
-        """Changes a property of the object at a path."""
 
 
 class Arrow:
@@ -40,7 +27,7 @@ class Arrow:
         order: drawing order; the arrow with the highest order is on top.
     """
 
-    def __init__(self, scene: Scene, path: str, *, scale: float, colour: Rgba, order: float = 10.0) -> None:
+    def __init__(self, scene: ViewerScene, path: str, *, scale: float, colour: Rgba, order: float = 10.0) -> None:
         self._scene, self._path, self._scale, self._colour = scene, path, scale, colour
         shapes = {"shaft/rod": Cylinder(RADIUS, 1.0), "head/cone": MeshcatCone(HEAD_LENGTH, HEAD_RADIUS, HEAD_RADIUS)}
         self._parts = [f"{path}/{name}" for name in shapes]
@@ -54,13 +41,12 @@ class Arrow:
             self._parts[1], RigidTransform(RotationMatrix.MakeXRotation(math.pi), [0.0, 0.0, HEAD_LENGTH])
         )
 
-    def draw(self, start: Array, vector: Array, *when: float) -> None:
+    def draw(self, start: Array, vector: Array) -> None:
         """Draws the arrow.
 
         Args:
             start: (3,), start of the arrow in W, m.
             vector: (3,), force or velocity in W, N or m/s.
-            *when: time in a recording, s; nothing if none is made.
         """
         magnitude = float(np.linalg.norm(vector))
         direction = vector / magnitude if magnitude > 1e-9 else np.array([0.0, 0.0, 1.0])
@@ -68,10 +54,10 @@ class Arrow:
         length = magnitude / self._scale
         thickness = max(SMALLEST, min(1.0, length / HEAD_LENGTH))  # a short arrow is small as a whole
         shaft = max(SMALLEST, length - HEAD_LENGTH)
-        self._scene.SetTransform(self._path, RigidTransform(R, start), *when)
-        self._scene.SetProperty(f"{self._path}/shaft", "scale", [thickness, thickness, shaft], *when)
-        self._scene.SetProperty(f"{self._path}/head", "scale", [thickness] * 3, *when)
-        self._scene.SetProperty(f"{self._path}/head", "position", [0.0, 0.0, shaft], *when)
+        self._scene.SetTransform(self._path, RigidTransform(R, start))
+        self._scene.SetProperty(f"{self._path}/shaft", "scale", [thickness, thickness, shaft])
+        self._scene.SetProperty(f"{self._path}/head", "scale", [thickness] * 3)
+        self._scene.SetProperty(f"{self._path}/head", "position", [0.0, 0.0, shaft])
 
     def set_colour(self, colour: Rgba) -> None:
         """Changes the colour; its opacity stays."""

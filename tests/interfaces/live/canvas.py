@@ -10,27 +10,21 @@ from scipy.spatial.transform import Rotation
 
 
 class Canvas:
-    """Keeps objects, transforms and properties by path, and every value by its time in the recording."""
+    """Keeps objects, transforms and properties by path."""
 
     def __init__(self) -> None:
         self.objects: dict[str, tuple[Any, ...]] = {}
         self.transforms: dict[str, RigidTransform] = {}
         self.properties: dict[tuple[str, str], Any] = {}
-        self.transforms_at: dict[tuple[str, float], RigidTransform] = {}
-        self.properties_at: dict[tuple[str, str, float], Any] = {}
 
     def SetObject(self, path, *thing):
         self.objects[path] = thing
 
-    def SetTransform(self, path, X, *when):
+    def SetTransform(self, path, X):
         self.transforms[path] = X
-        for time in when:
-            self.transforms_at[path, time] = X
 
-    def SetProperty(self, path, name, value, *when):
+    def SetProperty(self, path, name, value):
         self.properties[path, name] = value
-        for time in when:
-            self.properties_at[path, name, time] = value
 
     def arrow(self, path: str) -> tuple[np.ndarray, np.ndarray]:
         """Start and end of an `Arrow`, (3,) each, m, as the viewer places its shaft and the point of its head."""

@@ -1,1 +1,0 @@
-"""Draws the scene and the estimated contact state into Meshcat."""
