@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -17,9 +17,8 @@ from systems.control.estimator import READINGS, PolicyEstimator
 from systems.control.force_guard import ForceGuard
 from systems.control.policy_controller import PolicyController
 from systems.control.policy_wrench import PolicyWrench
-from systems.control.self_check import SelfCheck
 from systems.control.sensor_monitor import SensorMonitor
-from systems.control.watchdog import COMMANDS, MONITORS, Watchdog
+from systems.control.watchdog import COMMANDS, Watchdog
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.steps.faults import Fault
 from systems.steps.force_guard import GuardLimits, StoppingModel
@@ -168,21 +167,12 @@ def connect_measurement(builder: DiagramBuilder, law: Law, reader: LeafSystem) -
         builder.Connect(law.monitor.GetOutputPort(name), reader.GetInputPort(name))
 
 
-def connect_monitors(builder: DiagramBuilder, law: Law, monitors: Mapping[str, DriveMonitor | SelfCheck]) -> None:
-    """Connects the monitors that a carrier of the peg has beside the sensor's.
-
-    Args:
-        builder: of the diagram.
-        law: from `AddLaw`.
-        monitors: systems with an output ``fault``, by their inputs of the watchdog; a missing one finds no fault.
-    """
-    present = {MONITORS[0]: law.monitor, **monitors}
-    for name in MONITORS:
-        if name in present:
-            fault = present[name].GetOutputPort("fault")
-        else:
-            fault = builder.AddNamedSystem(f"no_{name}", ConstantVectorSource([0.0])).get_output_port()
-        builder.Connect(fault, law.watchdog.GetInputPort(name))
+def connect_monitors(builder: DiagramBuilder, law: Law, drive_monitor: DriveMonitor | None) -> None:
+    """Connects the monitors of sensor and drive with the watchdog; an arm has no monitor of a drive."""
+    system = drive_monitor or builder.AddNamedSystem("no_drive_monitor", ConstantVectorSource([0.0]))
+    drive_fault = system.GetOutputPort("fault" if drive_monitor else "y0")
+    builder.Connect(law.monitor.GetOutputPort("fault"), law.watchdog.GetInputPort("sensor_monitor_fault"))
+    builder.Connect(drive_fault, law.watchdog.GetInputPort("drive_monitor_fault"))
 
 
 def check_start(scenario: Scenario) -> None:

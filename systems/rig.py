@@ -13,7 +13,6 @@ from models.scenario import Scenario
 from skill.policy import RigPolicy
 from systems.arm.arm_diagram import MakeArm
 from systems.control.drive_monitor import DriveMonitor
-from systems.control.self_check import SelfCheck
 from systems.hardware.dc_motor import DcMotor
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.stepper_motor import StepperMotor
@@ -25,7 +24,7 @@ from systems.plant.rig_plant import RigPlant, stepper_axes
 from systems.recording.run_recorder import AddRunRecorder, RunRecorder
 from systems.rig_diagram import RigDiagram, start_angles
 from systems.steps.force_guard import StoppingModel
-from systems.steps.limits import check_limits, drive_limits
+from systems.steps.limits import drive_limits
 
 
 def MakeRig(scenario: Scenario, skill: RigPolicy) -> RigDiagram:
@@ -70,7 +69,7 @@ def WireRig(
         stopping=StoppingModel.of(scenario, mass=known.mass, inertia=known.turning_inertia),
         steppers=tuple(angles),
     )
-    drives = _add_drives(builder, scenario, known, angles=angles)
+    drives = _add_drives(builder, scenario, angles=angles)
     sensor = AddSensor(builder, scenario, plant.reaction_forces, weld=plant.sensor, weight=plant.weight)
     _connect_monitors(builder, plant, law, sensor, drives)
     _connect_motors(builder, plant, law, drives)
@@ -87,23 +86,18 @@ class _Drives:
 
     encoder: DepthEncoder
     drive_monitor: DriveMonitor
-    self_check: SelfCheck
     motor: DcMotor
     steppers: dict[str, StepperMotor]  # in the order of `stepper_axes`
     gimbal_angles: Demultiplexer  # their angles and rates
 
 
-def _add_drives(
-    builder: DiagramBuilder, scenario: Scenario, known: NominalBodies, *, angles: dict[str, float]
-) -> _Drives:
+def _add_drives(builder: DiagramBuilder, scenario: Scenario, *, angles: dict[str, float]) -> _Drives:
     step, resolution = scenario.contact.time_step, scenario.rig.encoder_resolution
-    checks = check_limits(scenario, mass=known.mass, peg_weight=known.peg_weight)
     return _Drives(
         encoder=builder.AddNamedSystem(
             "depth_encoder", DepthEncoder(home=scenario.sensor.height, resolution=resolution)
         ),
         drive_monitor=builder.AddNamedSystem("drive_monitor", DriveMonitor(drive_limits(scenario))),
-        self_check=builder.AddNamedSystem("self_check", SelfCheck(checks, tuple(angles))),
         motor=builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=step)),
         steppers={
             name: builder.AddNamedSystem(
@@ -121,18 +115,12 @@ def _connect_monitors(
     builder.Connect(plant.carriage_state, drives.encoder.GetInputPort("carriage_state"))
     builder.Connect(sensor.GetOutputPort("wrench"), law.monitor.GetInputPort("raw_wrench"))
     builder.Connect(drives.encoder.GetOutputPort("depth"), law.monitor.GetInputPort("raw_depth"))
-    monitors: dict[str, DriveMonitor | SelfCheck] = {
-        "drive_monitor_fault": drives.drive_monitor,
-        "self_check_fault": drives.self_check,
-    }
-    connect_monitors(builder, law, monitors)
-    for monitor in monitors.values():
-        connect_measurement(builder, law, monitor)
-        for name in ("current", "travel"):
-            builder.Connect(drives.motor.GetOutputPort(name), monitor.GetInputPort(name))
+    connect_monitors(builder, law, drives.drive_monitor)
+    connect_measurement(builder, law, drives.drive_monitor)
+    for name in ("current", "travel"):
+        builder.Connect(drives.motor.GetOutputPort(name), drives.drive_monitor.GetInputPort(name))
     for name, stepper in drives.steppers.items():
-        for monitor in (law.watchdog, drives.self_check):
-            builder.Connect(stepper.GetOutputPort("shaft"), monitor.GetInputPort(f"{name}_shaft"))
+        builder.Connect(stepper.GetOutputPort("shaft"), law.watchdog.GetInputPort(f"{name}_shaft"))
 
 
 def _connect_motors(builder: DiagramBuilder, plant: RigPlant, law: Law, drives: _Drives) -> None:

@@ -29,7 +29,7 @@ from systems.plant.exact_contact import STEPS
 from systems.plant.exact_gaps import Bodies, deepest_overlap
 from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, tip_in_hole
 from systems.rig_diagram import start_angles
-from systems.steps import dc_motor, drive_monitor, self_check, sensor_monitor, stepper_motor, watchdog
+from systems.steps import dc_motor, drive_monitor, sensor_monitor, stepper_motor, watchdog
 from systems.steps.back_off import BackOffState
 from systems.steps.dc_motor import Drive, carriage_force, counted_travel, dc_motor_step
 from systems.steps.drive_monitor import DriveLimits, drive_monitor_step, is_enabled
@@ -44,9 +44,8 @@ from systems.steps.force_guard import (
     force_guard_step,
 )
 from systems.steps.force_guard import SIZE as GUARD_SIZE
-from systems.steps.limits import check_limits, drive_limits, retract_limits, sensor_limits
+from systems.steps.limits import drive_limits, retract_limits, sensor_limits
 from systems.steps.policy_controller import ControllerLimits, ControllerState, policy_controller_step
-from systems.steps.self_check import CheckLimits, feed_check_step, self_check_step
 from systems.steps.sensor_monitor import SensorLimits, sensor_monitor_step, sound_depth, sound_wrench
 from systems.steps.stepper_motor import Axis, equilibrium_angle, shaft_angles, stepper_step
 from systems.steps.watchdog import RetractLimits, is_blind, is_stopped, passed_command, watchdog_step
@@ -71,7 +70,7 @@ class RigNumbers(NamedTuple):
         start: (4,), carriage (m), pitch, yaw and clocking (rad).
         full_depth: at which the peg is inserted, m.
         time_limit: s.
-        guard, stopping, readings, feed, checks, retract, control: limits of the steps of the law.
+        guard, stopping, readings, feed, retract, control: limits of the steps of the law.
     """
 
     bodies: Bodies
@@ -93,7 +92,6 @@ class RigNumbers(NamedTuple):
     stopping: StoppingModel
     readings: SensorLimits
     feed: DriveLimits
-    checks: CheckLimits
     retract: RetractLimits
     control: ControllerLimits
 
@@ -130,7 +128,6 @@ class RigNumbers(NamedTuple):
             stopping=StoppingModel.of(scenario, mass=known.mass, inertia=known.turning_inertia),
             readings=sensor_limits(scenario),
             feed=drive_limits(scenario),
-            checks=check_limits(scenario, mass=known.mass, peg_weight=known.peg_weight),
             retract=retract_limits(scenario),
             control=ControllerLimits.of(scenario, policy_period),
         )
@@ -231,15 +228,14 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
     tare = held.copy()
     sensor = np.zeros(12 + 6 * (rig.sensor.delay + 1))
     monitor, drive_state = np.zeros(sensor_monitor.SIZE), np.zeros(drive_monitor.SIZE)
-    check, feed_check = np.zeros(self_check.SIZE), np.zeros(self_check.FEED_SIZE)
     dog, guard, motor = np.zeros(watchdog.SIZE), np.zeros(GUARD_SIZE), np.zeros(dc_motor.SIZE)
     n_axes = rig.steppers
     axes, shafts = np.zeros((3, stepper_motor.SIZE)), np.zeros((n_axes, 2))
     memory = skill.memory.copy()
     failed = False
 
-    periods = np.array([rig.sensor_period, h, self_check.PERIOD_STEPS * h, rig.control_period])
-    ticks = np.zeros(4, np.int64)
+    periods = np.array([rig.sensor_period, h, rig.control_period])
+    ticks = np.zeros(3, np.int64)
     row_tick = 0
     time, outcome = 0.0, TIME_OVER
     equilibrium, measured = np.zeros(3), np.zeros(7)
@@ -252,7 +248,7 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
             equilibrium[k] = rig.start[1 + k] + equilibrium_angle(rig.axis, axes[k])
         force = carriage_force(rig.drive, motor[dc_motor.CURRENT], v[0])
         logs = time == row_tick * rig.control_period
-        acts = time == ticks[3] * periods[3]
+        acts = time == ticks[2] * periods[2]
         if logs or acts:
             measured[:6], measured[6] = wrench, -sound
             answer = skill_step(skill, memory, measured)
@@ -333,16 +329,11 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
                 else:
                     outcome = FAILED
                     break
-            ticks[3] += 1
+            ticks[2] += 1
         samples, drives = time == ticks[0] * periods[0], time == ticks[1] * periods[1]
-        checks = time == ticks[2] * periods[2]
         new_sensor, new_monitor, new_guard = sensor, monitor, guard
-        new_drive, new_motor, new_axes, new_feed_check = drive_state, motor, axes, feed_check
-        new_check, new_dog = check, dog
+        new_drive, new_motor, new_axes, new_dog = drive_state, motor, axes, dog
         current, travel = motor[dc_motor.CURRENT], counted_travel(rig.drive, q[0])
-        if checks or acts:
-            for k in range(n_axes):
-                shafts[k] = shaft_angles(rig.axis, axes[k], q[3 + k] - rig.start[1 + k])
         if samples:
             new_sensor = wrench_sensor_step(rig.sensor, sensor, held - tare, bias, noise[ticks[0]])
             new_monitor = sensor_monitor_step(rig.readings, monitor, reading, depth, time)
@@ -360,21 +351,16 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
                 is_blind(dog),
             )
             ticks[0] += 1
-        if checks:
-            new_check = self_check_step(rig.checks, check, wrench, sound, shafts, time)
-            ticks[2] += 1
         if acts:
-            faults = np.zeros(3)
+            for k in range(n_axes):
+                shafts[k] = shaft_angles(rig.axis, axes[k], q[3 + k] - rig.start[1 + k])
+            faults = np.zeros(2)
             faults[0], faults[1] = monitor[sensor_monitor.FAULT], drive_state[drive_monitor.FAULT]
-            own = check[self_check.FAULT]
-            faults[2] = own if own != 0.0 else feed_check[self_check.FAULT]
             new_dog = watchdog_step(rig.retract, dog, faults, failed, shafts)
             memory = answer.memory
         if drives:
             command = guard[FEED_SPEED]
             new_drive = drive_monitor_step(rig.feed, drive_state, command, wrench, sound, current, travel)
-            free = check[self_check.FREE] > 0.0
-            new_feed_check = feed_check_step(rig.checks, feed_check, wrench[2], current, travel, time, free)
             new_motor = dc_motor_step(rig.drive, motor, command, v[0], is_enabled(drive_state))
             new_axes = axes.copy()
             for k in range(n_axes):
@@ -385,8 +371,7 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
             extent = forces[:found].sum()
             ticks[1] += 1
         sensor, monitor, guard = new_sensor, new_monitor, new_guard
-        drive_state, motor, axes, feed_check = new_drive, new_motor, new_axes, new_feed_check
-        check, dog = new_check, new_dog
+        drive_state, motor, axes, dog = new_drive, new_motor, new_axes, new_dog
         time = min((ticks * periods).min(), row_tick * rig.control_period, limit)
     return Trace(
         rows[:n_rows],

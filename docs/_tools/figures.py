@@ -467,5 +467,4 @@ ELSEWHERE: dict[str, dict[str, str]] = {
         "| inserted | 400 of 400 | 400 of 400 | | |": "haptic-skill practise --engine exact",
     },
     "docs/results.md": {"10 of 10 inserted; median": "haptic-skill demo"},
-    "docs/rig.md": {"Together 302 of 340 named": "python -m benchmarks.faults --seeds 10"},
 }

@@ -132,7 +132,7 @@ def MakeArm(scenario: Scenario, policy: RigPolicy) -> RigDiagram:
     sensor = AddSensor(builder, scenario, peg.GetOutputPort("reaction_forces"), weld=0, weight=weight)
     builder.Connect(sensor.GetOutputPort("wrench"), law.monitor.GetInputPort("raw_wrench"))
     builder.Connect(motion.GetOutputPort("depth"), law.monitor.GetInputPort("raw_depth"))
-    connect_monitors(builder, law, {})
+    connect_monitors(builder, law, None)
     for name in (*(f"target_{axis}" for axis in AXES), "feed_speed"):
         builder.Connect(law.force_guard.GetOutputPort(name), servo.GetInputPort(name))
     builder.Connect(law.monitor.GetOutputPort("wrench"), servo.GetInputPort("wrench"))

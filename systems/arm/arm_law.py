@@ -39,7 +39,7 @@ class ArmLaw:
         check_geometry(scenario, policy)
         builder = DiagramBuilder()
         self.law = law = AddLaw(builder, scenario, policy, stopping=stopping, steppers=())
-        connect_monitors(builder, law, {})
+        connect_monitors(builder, law, None)
         builder.ExportInput(law.monitor.GetInputPort("raw_wrench"), "wrench")
         builder.ExportInput(law.monitor.GetInputPort("raw_depth"), "depth")
         as_on_rig = builder.AddNamedSystem("as_on_rig", PassThrough(4))

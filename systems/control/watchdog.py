@@ -12,7 +12,7 @@ from skill.data.axes import AXES
 from systems.steps.watchdog import FAULT, SIZE, RetractLimits, is_blind, is_stopped, passed_command, watchdog_step
 
 COMMANDS = ("pitch_rate", "yaw_rate", "clocking_rate", "feed_speed", "unwinding")
-MONITORS = ("sensor_monitor_fault", "drive_monitor_fault", "self_check_fault")
+MONITORS = ("sensor_monitor_fault", "drive_monitor_fault")
 
 
 class Watchdog(LeafSystem):
@@ -29,7 +29,6 @@ class Watchdog(LeafSystem):
         - controller_failed
         - sensor_monitor_fault
         - drive_monitor_fault
-        - self_check_fault
         - pitch_shaft
         - yaw_shaft
         output_ports:
@@ -42,8 +41,8 @@ class Watchdog(LeafSystem):
         - blind
         - stopped
 
-    Every period the watchdog collects the faults of the `SensorMonitor`, the `DriveMonitor`, the `SelfCheck`, the
-    controller and the steppers by `watchdog_step`; ``fault`` (`Fault`) is the first one and stays. What goes on to the
+    Every period the watchdog collects the faults of the `SensorMonitor`, the `DriveMonitor`, the controller and the
+    steppers by `watchdog_step`; ``fault`` (`Fault`) is the first one and stays. What goes on to the
     motors is in `passed_command`. ``stopped`` is 1 when the peg has been retracted after a fault, ``blind`` after a
     fault of the sensor. A ``shaft`` is [commanded, measured] angle, rad.
 

@@ -30,14 +30,12 @@ TRAVEL = 2  # last count of the shaft's encoder, m
 DEPTH = 3  # last depth, m
 OFFSET = 4  # depth + travel at the start, m
 PATH = 5  # path travelled, m
-IDLE = 6  # path travelled since the depth last changed, m
-FASTEST = 7  # largest recent speed command, m/s
-SLOWEST = 8  # smallest recent speed command, m/s
-EXCESS = 9  # motion beyond the recent commands, m
-PUSHED = 10  # distance commanded into the hole since the feed last moved, m
-ANCHOR = 11  # travel from which a motion is measured, m
-SPEED = 12  # speed of the shaft, as travel, m/s
-SIZE = 13
+FASTEST = 6  # largest recent speed command, m/s
+SLOWEST = 7  # smallest recent speed command, m/s
+EXCESS = 8  # motion beyond the recent commands, m
+PUSHED = 9  # distance commanded into the hole since the feed last moved, m
+ANCHOR = 10  # travel from which a motion is measured, m
+SIZE = 11
 
 
 class Travel(NamedTuple):
@@ -125,19 +123,16 @@ def drive_monitor_step(
 
     The speed v that the encoder on the motor's shaft shows is compared with the command. The recent commands span the
     interval from the smallest to the largest command, with zero, each fading within `COMMAND_MEMORY`. Motion outside
-    this interval accumulates. Beyond ``follow_error`` the feed is
-
-    * dead, if the drive gives no current (the carriage falls),
-    * reversed, if it moves against its command and no faster than twice its command,
-    * else it runs away.
+    this interval accumulates. Beyond ``follow_error`` the feed is dead, if the drive gives no current (the carriage
+    falls); else it runs away.
 
     If ``stall_distance`` was commanded into the hole and the shaft moved by less than ``stall_depth``, the feed is
 
     * dead, if the drive gives less than a quarter of the current of its integral gain,
     * stalled, if the current is at its limit and the contact carries less than half of the drive's force N eta k_t |i|.
 
-    The depth encoder is stuck if the depth does not change while the shaft turns, and contradicted if it differs from
-    the shaft's encoder by more than `ENCODER_SLACK` and `ENCODER_GAIN_ERROR` of the path. The travel is limited.
+    The depth encoder is stuck or slips if it differs from the shaft's encoder by more than `ENCODER_SLACK` and
+    `ENCODER_GAIN_ERROR` of the path. The travel is limited.
 
     Args:
         p: limits.
@@ -157,17 +152,14 @@ def drive_monitor_step(
     else:
         T, fade = p.period, p.command_fade
         moved = travel - state[TRAVEL]
-        distance = abs(moved)
         fastest, slowest = max(command, 0.0, state[FASTEST] * fade), min(command, 0.0, state[SLOWEST] * fade)
         beyond = max(moved - fastest * T, 0.0) + min(moved - slowest * T, 0.0)
         still = command < 0.0 and abs(travel - state[ANCHOR]) < p.stall_depth
-        found[PATH] += distance
-        found[IDLE] = state[IDLE] + distance if depth == state[DEPTH] else 0.0
+        found[PATH] += abs(moved)
         found[FASTEST], found[SLOWEST] = fastest, slowest
         found[EXCESS] = state[EXCESS] * p.motion_fade + beyond
         found[PUSHED] = state[PUSHED] - command * T if still else 0.0
         found[ANCHOR] = state[ANCHOR] if still else travel
-        found[SPEED] = moved / T
     found[FAULT] = _fault(p, found, command, wrench, abs(current))
     return found
 
@@ -181,11 +173,10 @@ def is_enabled(state: Array) -> bool:
 @compiled
 def _fault(p: DriveLimits, state: Array, command: float, wrench: Array, current: float) -> int:
     if abs(state[EXCESS]) > p.follow_error:
-        return _named_motion(p, state, current)
-    if state[IDLE] > p.slack:
-        return Fault.ENCODER_STUCK.value
+        dead = current < NO_CURRENT * p.current_limit
+        return Fault.FEED_DEAD.value if dead else Fault.FEED_RUNS_AWAY.value
     if abs(state[DEPTH] + state[TRAVEL] - state[OFFSET]) > p.slack + ENCODER_GAIN_ERROR * state[PATH]:
-        return Fault.ENCODER_CONTRADICTED.value
+        return Fault.ENCODER_STUCK.value
     # A feed that leaves its limit again may be beyond it.
     if state[DEPTH] < p.upper and command > 0.0:
         return Fault.UPPER_TRAVEL_LIMIT.value
@@ -194,18 +185,6 @@ def _fault(p: DriveLimits, state: Array, command: float, wrench: Array, current:
     if state[PUSHED] >= p.stall_distance:
         return _named_stall(p, wrench, current)
     return 0
-
-
-@compiled
-def _named_motion(p: DriveLimits, state: Array, current: float) -> int:
-    """Names a motion beyond the command."""
-    if current < NO_CURRENT * p.current_limit:
-        return Fault.FEED_DEAD.value
-    commanded = state[SLOWEST] if state[EXCESS] > 0.0 else state[FASTEST]  # the opposite direction
-    along = state[FASTEST] if state[EXCESS] > 0.0 else -state[SLOWEST]
-    if abs(commanded) > along and abs(state[SPEED]) < 2.0 * abs(commanded):
-        return Fault.FEED_REVERSED.value
-    return Fault.FEED_RUNS_AWAY.value
 
 
 @compiled

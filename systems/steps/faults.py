@@ -20,7 +20,7 @@ class Fault(LabelledEnum):
     SENSOR_STUCK = 3, "sensor stuck"
     ENCODER_DISCONNECTED = 4, "depth encoder disconnected"
     ENCODER_JUMPED = 5, "depth encoder jumped"
-    ENCODER_STUCK = 6, "depth encoder stuck"
+    ENCODER_STUCK = 6, "depth encoder stuck or slipping: it contradicts the feed drive's own encoder"
     MOTOR_STALLED = 7, "motor stalled"
     PITCH_STEPS_LOST = 8, "pitch stepper blocked or overloaded: steps lost"
     YAW_STEPS_LOST = 9, "yaw stepper blocked or overloaded: steps lost"
@@ -28,24 +28,14 @@ class Fault(LabelledEnum):
     SENSOR_BIASED = 11, "sensor biased: it reads a load in free air"
     SENSOR_NOISY = 12, "sensor too noisy"
     SENSOR_SPIKES = 13, "sensor spikes"
-    SENSOR_REVERSED = 14, "sensor sign wrong: it contradicts the current of the feed drive"
-    SENSOR_LOW = 15, "sensor reads too little or too late for the current of the feed drive, or the feed is blocked"
-    SENSOR_HIGH = 16, "sensor reads too much for the current of the feed drive"
-    SENSOR_CROSSED = 17, "sensor axes wrong: force and moment contradict each other"
-    SENSOR_MOMENT = 18, "sensor contradicts the torque of the steppers"
-    FEED_RUNS_AWAY = 19, "feed drive runs away"
-    FEED_REVERSED = 20, "feed drive reversed"
-    FEED_DEAD = 21, "feed drive dead"
-    UPPER_TRAVEL_LIMIT = 22, "upper travel limit"
-    LOWER_TRAVEL_LIMIT = 23, "lower travel limit"
-    ENCODER_CONTRADICTED = 24, "depth encoder contradicts the feed drive's own encoder"
-    PITCH_STICKS = 25, "pitch stepper sticks"
-    YAW_STICKS = 26, "yaw stepper sticks"
-    CLOCKING_STEPS_LOST = 27, "clocking stepper blocked or overloaded: steps lost"
-    CLOCKING_STICKS = 28, "clocking stepper sticks"
+    FEED_RUNS_AWAY = 14, "feed drive runs away"
+    FEED_DEAD = 15, "feed drive dead"
+    UPPER_TRAVEL_LIMIT = 16, "upper travel limit"
+    LOWER_TRAVEL_LIMIT = 17, "lower travel limit"
+    CLOCKING_STEPS_LOST = 18, "clocking stepper blocked or overloaded: steps lost"
 
 
-FEED_FAULTS = frozenset({Fault.FEED_RUNS_AWAY, Fault.FEED_REVERSED, Fault.FEED_DEAD})
+FEED_FAULTS = frozenset({Fault.FEED_RUNS_AWAY, Fault.FEED_DEAD})
 """Faults after which the feed drive is switched off, because it does not obey."""
 
 SENSOR_FAULTS = frozenset(fault for fault in Fault if fault.name.startswith("SENSOR_"))
@@ -53,7 +43,6 @@ SENSOR_FAULTS = frozenset(fault for fault in Fault if fault.name.startswith("SEN
 
 
 STEPS_LOST = (Fault.PITCH_STEPS_LOST.value, Fault.YAW_STEPS_LOST.value, Fault.CLOCKING_STEPS_LOST.value)
-STICKS = (Fault.PITCH_STICKS.value, Fault.YAW_STICKS.value, Fault.CLOCKING_STICKS.value)
 """Numbers of the faults of the steppers, in the order of `skill.data.axes.AXES`."""
 
 FEED_NUMBERS, SENSOR_NUMBERS = (tuple(sorted(map(int, faults))) for faults in (FEED_FAULTS, SENSOR_FAULTS))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
+from models.arm import RIG
+from models.hardware import STEEL
 from systems.steps.drive_monitor import DriveLimits, Travel
-from systems.steps.self_check import CheckLimits, MovingParts
 from systems.steps.sensor_monitor import SensorLimits
 from systems.steps.watchdog import LOST_LAG, RetractLimits
 
@@ -14,14 +16,20 @@ if TYPE_CHECKING:  # a scenario needs Drake
 
 
 def sensor_limits(scenario: Scenario) -> SensorLimits:
-    """Returns what the sensor monitor takes."""
+    """Returns what the sensor monitor takes; only the rig tells by its depth when the peg is in free air."""
+    g, controller = scenario.geometry, scenario.controller
+    rim = g.assembly.mouth_reach * math.sin(controller.max_turn)  # of the tilted hole above the centre of its mouth
     return SensorLimits.of(
         scenario.sensor,
         top_speed=scenario.feed.no_load_speed,
         resolution=scenario.rig.encoder_resolution,
         depth_period=scenario.contact.time_step,
-        load_limit=scenario.controller.guard.force_limit,
-        reach=scenario.geometry.reach,
+        load_limit=controller.guard.force_limit,
+        reach=g.reach,
+        peg_mass=STEEL * g.assembly.volume,
+        feed=scenario.feed,
+        feed_speed=controller.max_feed_speed,
+        free_depth=-rim if scenario.carrier == RIG else -math.inf,
     )
 
 
@@ -33,17 +41,6 @@ def drive_limits(scenario: Scenario) -> DriveLimits:
         travel=Travel.of(scenario),
         resolution=scenario.rig.encoder_resolution,
         period=scenario.contact.time_step,
-    )
-
-
-def check_limits(scenario: Scenario, *, mass: float, peg_weight: float) -> CheckLimits:
-    """Returns what the self-check takes; see `MovingParts.of`."""
-    return CheckLimits.of(
-        sensor=scenario.sensor,
-        motor=scenario.feed,
-        stepper=scenario.stepper,
-        parts=MovingParts.of(scenario, mass=mass, peg_weight=peg_weight),
-        drive_period=scenario.contact.time_step,
     )
 
 

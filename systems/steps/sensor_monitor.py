@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from models.hardware import WrenchSensorParameters
+from models.hardware import DcMotorParameters, WrenchSensorParameters
 from skill.arrays import Array
 from skill.compiled import compiled
 from systems.steps.faults import Fault, reading_deviation, repeats_of_a_stuck_sensor
@@ -18,13 +18,23 @@ MAX_SPIKES = 2
 SPIKE_TIME = 1.0  # in units of s
 DEVIATIONS = 12.0  # largest difference of two readings of a sound sensor at rest, in standard deviations
 
-# Places in the state; the first six are the last sound wrench (N, N m).
+TARE_TIME, TARE_SAMPLES = 0.040, 5
+"""A tare averages readings for so long, s, and at least so many of them."""
+
+SIGMAS = 6.0  # a mean in free air beyond so many standard deviations of bias and drift is a fault
+NOISE_FACTOR = 5.0  # noise in free air beyond so many times that of the data sheet is a fault
+SETTLING = 5.0  # time constants of the sensor's low-pass before its reading counts as settled
+
+# Places in the state; the first six are the last sound wrench (N, N m), SUM and SQUARES the first of six.
 DEPTH = 6  # last sound depth, m
 REPEATS = 7  # how many readings in a row equalled the one before
 FAULT = 8  # first fault found
 STARTED = 9  # whether there has been a sound sample
 SPIKES = 10  # number of spikes, which fades with `SPIKE_TIME`
-SIZE = 11
+FREE = 11  # readings in free air, to the end of a tare
+SUM = 12  # of the wrenches of the present tare
+SQUARES = 18  # sum of the squares of their differences
+SIZE = 24
 
 
 class SensorLimits(NamedTuple):
@@ -38,6 +48,10 @@ class SensorLimits(NamedTuple):
         max_change: of the depth between two readings, m.
         max_force, max_moment: difference of two readings, N and N m.
         fading: factor of the number of spikes in a period.
+        free_depth: at which and above which the peg is in free air, m; minus infinity if that is not known.
+        settling, tare: readings in free air before a tare, and in a tare.
+        bias, drift: (6,), of the mean reading of a tare at the start, N and N m, and after 1 s.
+        max_square: (6,), mean square of the difference of two readings in free air, N^2 and N^2 m^2.
     """
 
     height: float
@@ -48,6 +62,12 @@ class SensorLimits(NamedTuple):
     max_force: float
     max_moment: float
     fading: float
+    free_depth: float
+    settling: float
+    tare: float
+    bias: Array
+    drift: Array
+    max_square: Array
 
     @classmethod
     def of(
@@ -59,6 +79,10 @@ class SensorLimits(NamedTuple):
         depth_period: float,
         load_limit: float,
         reach: float,
+        peg_mass: float,
+        feed: DcMotorParameters,
+        feed_speed: float,
+        free_depth: float,
     ) -> Self:
         """Returns the limits.
 
@@ -69,9 +93,21 @@ class SensorLimits(NamedTuple):
             depth_period: time between two changes of the depth, s; in a simulation the step of the plant.
             load_limit: load at which the peg is backed off, N.
             reach: radius of the smallest circle about the axis that holds the peg, m.
+            peg_mass: of what hangs on the sensor, kg.
+            feed: drive of the peg.
+            feed_speed: largest speed command, m/s.
+            free_depth: see above.
         """
+        tare = max(TARE_SAMPLES, round(TARE_TIME / sensor.period))
         quantum = np.repeat([sensor.force_quantum, sensor.torque_quantum], 3)
         force, torque = reading_deviation(sensor)
+        deviation, lever = np.repeat([force, torque], 3), sensor.height
+        bias = np.repeat([sensor.force_bias, math.hypot(sensor.torque_bias, lever * sensor.force_bias)], 3)
+        drift = np.repeat([sensor.force_drift, math.hypot(sensor.torque_drift, lever * sensor.force_drift)], 3)
+        # The drive accelerates the peg below the sensor: in a tare, and between two readings, from full to reverse.
+        inertia, jolt = np.zeros(6), np.zeros(6)
+        inertia[2] = 2.0 * peg_mass * feed_speed / (tare * sensor.period)
+        jolt[2] = 2.0 * peg_mass * feed.acceleration(peg_mass)
         return cls(
             height=sensor.height,
             ends=np.array([*sensor.force_range, *sensor.torque_range]) - 0.5 * quantum,
@@ -83,6 +119,12 @@ class SensorLimits(NamedTuple):
             # Two opposite forces, one on either side of the outline.
             max_moment=sensor.blend * 2.0 * load_limit * 2.0 * reach + DEVIATIONS * torque,
             fading=math.exp(-sensor.period / SPIKE_TIME),
+            free_depth=free_depth,
+            settling=float(math.ceil((sensor.delay + SETTLING * sensor.time_constant) / sensor.period)),
+            tare=float(tare),
+            bias=SIGMAS * bias + deviation + inertia,
+            drift=SIGMAS * drift,
+            max_square=2.0 * (NOISE_FACTOR * deviation) ** 2 + jolt**2,
         )
 
 
@@ -98,6 +140,8 @@ def sensor_monitor_step(p: SensorLimits, state: Array, wrench: Array, depth: flo
     * At most `MAX_SPIKES` readings within `SPIKE_TIME` are spikes. A spike differs from the last sound reading by more
       than the sensor's low-pass passes within one period when the load changes by twice the load limit, and by more
       than the noise.
+    * In free air the mean of the readings of a tare must be within `SIGMAS` of the bias and drift of the data sheet,
+      else the sensor is biased; their differences must have at most `NOISE_FACTOR` times its noise, else it is noisy.
 
     Args:
         p: limits.
@@ -122,6 +166,7 @@ def sensor_monitor_step(p: SensorLimits, state: Array, wrench: Array, depth: flo
     if not spike:
         found[:6] = wrench
     found[DEPTH], found[REPEATS], found[STARTED], found[SPIKES] = depth, repeats, 1.0, spikes
+    found[FAULT] = _fault_in_free_air(p, found, state, time)
     return found
 
 
@@ -162,6 +207,27 @@ def _fault(p: SensorLimits, state: Array, wrench: Array, depth: float, repeats: 
     if abs(depth - state[DEPTH]) > p.max_change and state[STARTED] != 0.0:
         return Fault.ENCODER_JUMPED.value
     return 0
+
+
+@compiled
+def _fault_in_free_air(p: SensorLimits, found: Array, before: Array, time: float) -> int:
+    """Adds the new reading in ``found`` to the tare, and judges the tare at its end."""
+    if found[DEPTH] > p.free_depth:
+        found[FREE:] = 0.0
+        return 0
+    found[FREE] += 1.0
+    if found[FREE] <= p.settling:
+        return 0
+    found[SUM:SQUARES] += found[:6]
+    found[SQUARES:] += (found[:6] - before[:6]) ** 2
+    if found[FREE] < p.settling + p.tare:
+        return 0
+    noisy = (found[SQUARES:] > p.tare * p.max_square).any()
+    biased = (np.abs(found[SUM:SQUARES]) > p.tare * (p.bias + p.drift * math.sqrt(time))).any()
+    found[FREE], found[SUM:] = p.settling, 0.0
+    if noisy:
+        return Fault.SENSOR_NOISY.value
+    return Fault.SENSOR_BIASED.value if biased else 0
 
 
 @compiled

@@ -20,7 +20,7 @@ from systems.control.watchdog import COMMANDS
 from systems.haptics.virtual_fixture import FreeFixture
 from systems.plant.exact_plant import ExactPlant
 from systems.steps.force_guard import GuardLimits, StoppingModel
-from systems.steps.limits import check_limits, drive_limits, retract_limits, sensor_limits
+from systems.steps.limits import drive_limits, retract_limits, sensor_limits
 from systems.steps.policy_controller import ControllerLimits
 
 S = Scenario()
@@ -62,7 +62,6 @@ ARGUMENTS = {
         "stopping": StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=1600.0, turn_impact=340.0),
     },
     "DriveMonitor": lambda skill: {"limits": drive_limits(S)},
-    "SelfCheck": lambda skill: {"limits": check_limits(S, mass=1.0, peg_weight=1.4)},
     "SensorMonitor": lambda skill: {"limits": sensor_limits(S), "period": 1e-3},
     "ExactPeg": lambda skill: {"scenario": S},
     "ExactPlant": lambda skill: {"scenario": TRIAL},
@@ -151,7 +150,6 @@ def test_only_the_listed_outputs_have_direct_feedthrough(dut, kind):
         "LocalPeg": set(),
         "StaleContactFade": {("virtual_wrench", "faded_wrench")},
         "PolicyController": set(),
-        "SelfCheck": set(),
         "SensorMonitor": {("raw_wrench", "wrench"), ("raw_depth", "depth")},
         "PassivityObserver": set(),
         "SimulatedOperator": set(),

@@ -1,6 +1,6 @@
 """Every fault, injected into a whole trial: the trial ends safely, and reports and records the fault.
 
-The tests replace hardware or skill by a faulty one (`benchmarks.rig.fault_injection`), or lock the feed.
+The tests replace hardware or skill by a faulty one (`tests.systems.faulty_hardware`), or lock the feed.
 """
 
 import copy
@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.rig.fault_injection import KINDS, injected
 from experiments.trial import diagram_trial as trial_module
 from experiments.trial.diagram_trial import TrialMonitor
 from experiments.trial.run_trial import run_trial, run_trials
@@ -20,6 +19,7 @@ from skill.manipulation_skill import ManipulationSkill
 from systems import rig as rig_module
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.steps.faults import FEED_FAULTS, Fault, error_summary
+from tests.systems.faulty_hardware import KINDS, injected
 
 BEGIN = 0.12  # in units of s; the peg touches the chamfer by then
 SAFE_FORCE = 48.0  # in units of N; 1.2 times the limit of the guard
@@ -91,7 +91,7 @@ NAMED_AT_ONCE = {  # kind: time from its beginning to its name, s
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "within"), NAMED_AT_ONCE.items(), ids=NAMED_AT_ONCE)
 def test_a_sensor_that_fails_in_contact_is_named_at_once_and_the_peg_retracted(scenario, skill, name, within):
-    with injected(KINDS[name], onset=BEGIN, seed=0):
+    with injected(name, onset=BEGIN):
         result, run = run_trial(scenario, skill, seed=7)
     (fault,) = KINDS[name].named
     after = check_safe_ending(result, run, fault)
@@ -137,22 +137,22 @@ def test_a_trial_with_a_stalled_motor_ends_safely(scenario, skill, monkeypatch):
     assert np.ptp(after["tip_z"]) == pytest.approx(0.0, abs=1e-9)
 
 
-WHOLE_TRIALS = [  # one for each test of the self-check and of the drive monitor
-    *("sensor gain 0.1", "sensor sign, all channels", "sensor bias 15 N, 1 N m", "sensor noise 5 N, 0.1 N m"),
-    *("sensor spikes, ten a second", "encoder drift 2 mm/s", "feed runs away into the hole", "feed reversed"),
-    *("feed dead", "pitch blocked", "encoder stuck"),
-]
+WHOLE_TRIALS = {  # when each begins, s
+    **dict.fromkeys(("sensor bias 15 N, 1 N m", "sensor noise 5 N, 0.1 N m"), 0.0),
+    **dict.fromkeys(("sensor spikes, ten a second", "sensor frozen, with noise", "encoder drift 2 mm/s"), 0.1),
+    **dict.fromkeys(("encoder stuck", "feed runs away into the hole", "feed runs away upwards"), 0.1),
+    **dict.fromkeys(("feed dead", "pitch blocked"), 0.1),
+}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", WHOLE_TRIALS)
-def test_a_fault_of_each_kind_is_named_and_ends_a_trial_at_a_small_load(scenario, skill, name):
+@pytest.mark.parametrize(("name", "onset"), WHOLE_TRIALS.items(), ids=WHOLE_TRIALS)
+def test_a_fault_of_each_kind_is_named_and_ends_a_trial_at_a_small_load(scenario, skill, name, onset):
     """Each begins before the peg is in the hole: a feed that runs away in there cannot be caught (docs/rig.md)."""
     scenario.start.height, scenario.trial.time_limit = 0.003, 4.0
-    kind = KINDS[name]
-    with injected(kind, onset=0.0 if kind.built_in else 0.1, seed=0):
+    with injected(name, onset):
         result, run = run_trial(scenario, skill, seed=7)
-    assert result.fault in kind.named
+    assert result.fault in KINDS[name].named
     # A dead drive lets the weight press the peg on, as the policy wants; only the first retraction shows it.
     within = 3.5 if name == "feed dead" else 2.0
     check_safe_ending(result, run, result.fault, retracts=result.fault not in FEED_FAULTS, within=within)
@@ -160,7 +160,7 @@ def test_a_fault_of_each_kind_is_named_and_ends_a_trial_at_a_small_load(scenario
 
 @pytest.mark.slow
 def test_one_spike_does_not_end_a_trial(scenario, skill):
-    with injected(KINDS["sensor, one spike"], onset=0.3, seed=0):
+    with injected("sensor, one spike", onset=0.3):
         _, run = run_trial(scenario, skill, seed=7)
     assert (run.samples["fault"] == Fault.NONE).all()
 

@@ -117,7 +117,7 @@ def test_only_the_policy_and_its_estimator_receive_the_replaced_wrench(scenario,
         ("policy_controller", "policy_wrench"): ("policy_wrench", "policy_wrench"),
     }
     kept = {system for (system, _), source in replaced.items() if source == ("sensor_monitor", "wrench")}
-    assert kept == {"policy_wrench", "policy_controller", "force_guard", "drive_monitor", "self_check", "run_row"}
+    assert kept == {"policy_wrench", "policy_controller", "force_guard", "drive_monitor", "run_row"}
 
 
 def test_a_policy_that_ignores_force_shows_it(scenario):

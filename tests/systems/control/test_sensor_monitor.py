@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.hardware import WrenchSensorParameters
+from models.hardware import DcMotorParameters, WrenchSensorParameters
+from models.scenario import load_scenario
 from systems.control.sensor_monitor import SensorMonitor
 from systems.steps.faults import FALSE_ALARM, Fault, repeats_of_a_stuck_sensor
+from systems.steps.limits import sensor_limits
 from systems.steps.sensor_monitor import SensorLimits
 from systems.steps.wrench_sensor import wrench_at_tip
 from tests.stepping import fixed_context, update
@@ -23,7 +25,7 @@ def dut():
     return make_monitor()
 
 
-def make_monitor(sensor=SENSOR, depth_period=SENSOR.period):
+def make_monitor(sensor=SENSOR, depth_period=SENSOR.period, free_depth=-math.inf):
     limits = SensorLimits.of(
         sensor,
         top_speed=TOP_SPEED,
@@ -31,6 +33,10 @@ def make_monitor(sensor=SENSOR, depth_period=SENSOR.period):
         depth_period=depth_period,
         load_limit=LIMIT,
         reach=RADIUS,
+        peg_mass=0.15,
+        feed=DcMotorParameters(),
+        feed_speed=0.03,
+        free_depth=free_depth,
     )
     return SensorMonitor(limits=limits, period=sensor.period)
 
@@ -228,3 +234,60 @@ def test_one_spike_of_any_size_and_place_is_never_a_fault(place, channel, size):
     context = started(dut)
     for k in range(40):
         assert sample_once(dut, context, with_spike(channel, size if k == place else 0.0, k))[2] == Fault.NONE
+
+
+RIM = -0.0015
+DEVIATIONS = np.array([*SENSOR.force_noise, *SENSOR.torque_noise])
+
+
+def read(wrench, depth, *, noise=1.0, times=200, sensor=SENSOR, seed=0):
+    """Reads a wrench with noise at a depth; the mouth's rim is at `RIM`. Returns the fault."""
+    rng = np.random.default_rng(seed)
+    dut = make_monitor(sensor, free_depth=RIM)
+    context = fixed_context(dut)
+    for _ in range(times):
+        reading = wrench + noise * DEVIATIONS * rng.standard_normal(6)
+        fault = sample_once(dut, context, reading, depth)[2]
+    return fault
+
+
+@pytest.mark.parametrize(("channel", "sign"), SIGNED)
+def test_a_bias_in_free_air_is_a_fault(channel, sign):
+    """The bias of a force is 0.05 N; of a moment about the tip, 80 mm below, hypot(1e-3, 0.08 * 0.05) = 4.1e-3 N m."""
+    unit = np.zeros(6)
+    unit[channel] = sign * (0.05 if channel < 3 else 4.12e-3)
+    assert read(4.0 * unit, RIM) == Fault.NONE
+    assert read(20.0 * unit, RIM) == Fault.SENSOR_BIASED
+    assert read(20.0 * unit, RIM + 1e-6) == Fault.NONE
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_only_noise_far_beyond_the_data_sheet_is_a_fault_and_only_in_free_air(seed):
+    assert read(np.zeros(6), RIM, noise=3.0, seed=seed) == Fault.NONE
+    assert read(np.zeros(6), RIM, noise=50.0, seed=seed) == Fault.SENSOR_NOISY
+    assert read(np.zeros(6), 0.005, noise=50.0, seed=seed) == Fault.NONE  # a contact may chatter
+
+
+def test_a_tare_begins_when_the_sensor_has_settled_and_takes_40_ms():
+    """Five time constants of 1.6 ms and a delay of 20 ms are 28 readings."""
+    late, biased = WrenchSensorParameters(delay=0.02), np.repeat([5.0, 1.0], 3)
+    assert read(biased, RIM, times=28 + 39, sensor=late) == Fault.NONE
+    assert read(biased, RIM, times=28 + 40, sensor=late) == Fault.SENSOR_BIASED
+
+
+def test_a_tare_begins_anew_after_each_contact():
+    rng, biased = np.random.default_rng(0), np.repeat([5.0, 1.0], 3)
+    dut = make_monitor(free_depth=RIM)
+    context = fixed_context(dut)
+    for _ in range(5):
+        for depth, times in ((RIM, 40), (RIM + 1e-4, 1)):
+            for _ in range(times):
+                noisy = biased + DEVIATIONS * rng.standard_normal(6)
+                assert sample_once(dut, context, noisy, depth)[2] == Fault.NONE
+
+
+def test_free_air_begins_above_the_corners_of_a_tilted_mouth():
+    square = load_scenario("square")
+    corner = math.sqrt(2.0) * 0.0095 + 0.00105  # corners keep their centres; clearance and chamfer add 0.55 mm
+    assert sensor_limits(square).free_depth == pytest.approx(-corner * math.sin(square.controller.max_turn))
+    assert sensor_limits(load_scenario("fr3")).free_depth == -math.inf

@@ -87,7 +87,7 @@ def test_every_path_to_the_controller_passes_through_the_two_sensors_or_its_own_
 
 def control_systems(rig):
     found = [s for s in rig.diagram.GetSystems() if type(s).__module__.startswith("systems.control.")]
-    assert len(found) == 7
+    assert len(found) == 6
     return found
 
 
@@ -197,7 +197,7 @@ def test_the_control_is_built_from_nothing_that_is_hidden(scenario, skill, engin
         rig_with(scenario, skill, share, monkeypatch)
         known.append(arguments.copy())
         arguments.clear()
-    assert len(known[0]) == 7
+    assert len(known[0]) == 6
     assert known[1:] == known[:1] * 2
     scenario.controller.guard.force_limit += 1.0  # which it knows: the digests can differ
     rig_with(scenario, skill, 0.0, monkeypatch)

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from models.scenario import Scenario
-from systems.steps import dc_motor, drive_monitor, force_guard, self_check, sensor_monitor, stepper_motor, watchdog
+from systems.steps import dc_motor, drive_monitor, force_guard, sensor_monitor, stepper_motor, watchdog
 from systems.steps.dc_motor import Drive, carriage_force, counted_travel, dc_motor_step
 from systems.steps.drive_monitor import drive_monitor_step
 from systems.steps.faults import Fault
 from systems.steps.force_guard import GuardLimits, StoppingModel, force_guard_step
-from systems.steps.limits import check_limits, drive_limits, retract_limits, sensor_limits
-from systems.steps.self_check import feed_check_step, self_check_step
+from systems.steps.limits import drive_limits, retract_limits, sensor_limits
 from systems.steps.sensor_monitor import sensor_monitor_step, sound_depth, sound_wrench
 from systems.steps.stepper_motor import Axis, equilibrium_angle, shaft_angles, stepper_step
 from systems.steps.watchdog import FEED, PITCH_RATE, is_blind, is_stopped, passed_command, watchdog_step
@@ -27,16 +26,14 @@ STEPS = {
     "guard": lambda x: force_guard_step(GUARD, STOPPING, x, WRENCH, 0.01, 0.1, -0.1, 0.0, -0.01, False, False),
     "monitor": lambda x: sensor_monitor_step(sensor_limits(S), x, WRENCH, 0.001, 0.1),
     "drive": lambda x: drive_monitor_step(drive_limits(S), x, -0.01, WRENCH, 0.001, 0.4, 0.08),
-    "check": lambda x: self_check_step(check_limits(S, mass=1.0, peg_weight=1.4), x, WRENCH, -0.003, REST, 0.1),
-    "feed": lambda x: feed_check_step(check_limits(S, mass=1.0, peg_weight=1.4), x, 3.0, 0.4, 0.08, 0.1, True),
-    "watchdog": lambda x: watchdog_step(retract_limits(S), x, np.array([0.0, 9.0, 0.0]), False, REST),
+    "watchdog": lambda x: watchdog_step(retract_limits(S), x, np.array([0.0, 9.0]), False, REST),
     "motor": lambda x: dc_motor_step(DRIVE, x, -0.01, 0.0, True),
     "stepper": lambda x: stepper_step(AXIS, x, 0.05, 0.0),
     "sensor": lambda x: wrench_sensor_step(SENSOR, x, WRENCH, np.zeros(6), np.zeros(12)),
 }
 SIZES = {
-    "guard": force_guard.SIZE, "monitor": sensor_monitor.SIZE, "drive": drive_monitor.SIZE, "check": self_check.SIZE,
-    "feed": self_check.FEED_SIZE, "watchdog": watchdog.SIZE, "motor": dc_motor.SIZE, "stepper": stepper_motor.SIZE,
+    "guard": force_guard.SIZE, "monitor": sensor_monitor.SIZE, "drive": drive_monitor.SIZE,
+    "watchdog": watchdog.SIZE, "motor": dc_motor.SIZE, "stepper": stepper_motor.SIZE,
     "sensor": len(SENSOR.initial_state()),
 }  # fmt: skip
 
@@ -97,7 +94,7 @@ def test_the_sensor_by_hand():
 def test_what_goes_on_after_a_fault():
     limits, state = retract_limits(S), np.zeros(watchdog.SIZE)
     assert passed_command(limits, state, FEED, -0.01) == -0.01
-    faults, shaft = np.array([float(Fault.SENSOR_STUCK), 0.0, 0.0]), np.zeros((2, 2))
+    faults, shaft = np.array([float(Fault.SENSOR_STUCK), 0.0]), np.zeros((2, 2))
     state = watchdog_step(limits, state, faults, False, shaft)
     assert is_blind(state)
     assert passed_command(limits, state, FEED, -0.01) == limits.retract_speed

@@ -1,0 +1,153 @@
+"""Faults of the rig's hardware: subclasses of the hardware that misbehave, put into the rig for one trial."""
+
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from unittest.mock import patch
+
+import numpy as np
+
+from systems import law as law_module
+from systems import rig as rig_module
+from systems.hardware.dc_motor import DcMotor
+from systems.hardware.depth_encoder import DepthEncoder
+from systems.hardware.stepper_motor import StepperMotor
+from systems.hardware.wrench_sensor import WrenchSensor
+from systems.steps.faults import Fault
+
+
+@contextmanager
+def injected(name, onset):
+    """Lets `systems.rig` build rigs with a fault of `KINDS` that begins at a time, s."""
+    with ExitStack() as stack:
+        for replacement in KINDS[name].make(onset):
+            base = replacement.__bases__[0].__name__
+            module = law_module if hasattr(law_module, base) else rig_module
+            stack.enter_context(patch.object(module, base, replacement))
+        yield
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of fault: makes classes for a fault that begins at a time (s), and how the rig may name it."""
+
+    make: object
+    named: frozenset = field(default_factory=frozenset)
+
+
+def changed_output(base, method, change):
+    """A sensor whose output is changed: ``change`` takes the reading, the time since the fault (s), and a memory."""
+
+    def make(onset):
+        memory = {"rng": np.random.default_rng(42)}
+
+        def calc(self, context, output):
+            getattr(base, method)(self, context, output)
+            since = context.get_time() - onset
+            if since >= -1e-9:
+                output.SetFromVector(np.atleast_1d(change(output.value().copy(), since, memory)))
+
+        return [type(f"Faulty{base.__name__}", (base,), {method: calc})]
+
+    return make
+
+
+def sensor(change):
+    return changed_output(WrenchSensor, "_calc_wrench", change)
+
+
+def encoder(change):
+    return changed_output(DepthEncoder, "_calc", change)
+
+
+class ChangedCommand:
+    """An input port of a drive that receives another command than the one that was sent."""
+
+    def __init__(self, port, command, onset):
+        self._port, self._command, self._onset = port, command, onset
+
+    def Eval(self, context):
+        return np.array([self._command]) if context.get_time() >= self._onset - 1e-9 else self._port.Eval(context)
+
+
+def runaway(speed):
+    """A feed drive that follows a speed (m/s) of its own."""
+
+    def make(onset):
+        class FaultyMotor(DcMotor):
+            def __init__(self, **arguments):
+                super().__init__(**arguments)
+                self._speed_command = ChangedCommand(self._speed_command, speed, onset)
+
+        return [FaultyMotor]
+
+    return make
+
+
+def dead_feed(onset):
+    """A feed drive whose amplifier gives no current; the brake relay still works."""
+
+    class DeadMotor(DcMotor):
+        def _update(self, context, discrete_state):
+            super()._update(context, discrete_state)
+            if context.get_time() >= onset - 1e-9 and self._enabled.Eval(context)[0]:
+                discrete_state.get_mutable_vector(self._state).SetFromVector([0.0, 0.0])
+
+    return [DeadMotor]
+
+
+def blocked_stepper(onset):
+    """The first stepper of a rig, that of pitch, does not turn from the onset on."""
+    built = []
+
+    class FaultyStepper(StepperMotor):
+        def __init__(self, **arguments):
+            super().__init__(**arguments)
+            built.append(self)
+
+        def _calc_equilibrium(self, context, output):
+            super()._calc_equilibrium(context, output)
+            if self is built[0] and context.get_time() >= onset:
+                self.held = getattr(self, "held", output[0])
+                output[0] = self.held
+
+    return [FaultyStepper]
+
+
+def noise(force, torque):
+    sigma = np.repeat([force, torque], 3)
+    return lambda wrench, since, memory: wrench + sigma * memory["rng"].standard_normal(6)
+
+
+def frozen(reading, since, memory):
+    return memory.setdefault("first", reading)
+
+
+def frozen_with_noise(wrench, since, memory):
+    return noise(0.02, 5e-4)(frozen(wrench, since, memory), since, memory)
+
+
+def spikes(period):
+    """A spike of 100 N on fz for 1 ms in every period (s)."""
+    return lambda wrench, since, memory: wrench + np.eye(6)[2] * (100.0 if since % period < 1e-3 - 1e-9 else 0.0)
+
+
+BIAS = np.repeat([15.0, 1.0], 3)
+
+KINDS = {
+    "sensor disconnected": Kind(sensor(lambda w, t, m: np.full(6, np.nan)), {Fault.SENSOR_DISCONNECTED}),
+    "sensor saturated": Kind(sensor(lambda w, t, m: np.array([*w[:2], 290.0, *w[3:]])), {Fault.SENSOR_SATURATED}),
+    "sensor stuck": Kind(sensor(frozen), {Fault.SENSOR_STUCK}),
+    "sensor frozen, with noise": Kind(sensor(frozen_with_noise), {Fault.MOTOR_STALLED}),
+    "sensor bias 15 N, 1 N m": Kind(sensor(lambda w, t, m: w + BIAS), {Fault.SENSOR_BIASED}),
+    "sensor noise 5 N, 0.1 N m": Kind(sensor(noise(5.0, 0.1)), {Fault.SENSOR_NOISY}),
+    "sensor spikes, ten a second": Kind(sensor(spikes(0.1)), {Fault.SENSOR_SPIKES}),
+    "sensor, one spike": Kind(sensor(spikes(1e3))),
+    "encoder disconnected": Kind(encoder(lambda d, t, m: np.array([np.nan])), {Fault.ENCODER_DISCONNECTED}),
+    "encoder jumped by 4 mm": Kind(encoder(lambda d, t, m: d + 4e-3), {Fault.ENCODER_JUMPED}),
+    "encoder stuck": Kind(encoder(frozen), {Fault.ENCODER_STUCK}),
+    "encoder drift 2 mm/s": Kind(encoder(lambda d, t, m: d + 2e-3 * t), {Fault.ENCODER_STUCK}),
+    "feed runs away into the hole": Kind(runaway(-1.0), {Fault.FEED_RUNS_AWAY, Fault.LOWER_TRAVEL_LIMIT}),
+    "feed runs away upwards": Kind(runaway(1.0), {Fault.FEED_RUNS_AWAY}),
+    "feed dead": Kind(dead_feed, {Fault.FEED_DEAD}),
+    "pitch blocked": Kind(blocked_stepper, {Fault.PITCH_STEPS_LOST}),
+}
