@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 from skill.features.canonical_frame import canonical_angle, turned
 from skill.features.contact_features import ContactFeatures, contact_features
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, canonical_features

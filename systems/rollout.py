@@ -14,9 +14,9 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled import compiled
 from models.scenario import Scenario
 from skill.arrays import Array
-from skill.compiled import compiled
 from skill.data.outcome import Outcome
 from skill.data.rig_run import LOGGED_COLUMNS
 from skill.features.measurement import load_of_components

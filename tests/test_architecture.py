@@ -14,10 +14,11 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 FLOORS = {  # each floor, and the floors that it may import from
-    "models": set(),
-    "skill": set(),
-    "systems": {"models", "skill"},
-    "experiments": {"models", "skill", "systems"},
+    "compiled": set(),
+    "models": {"compiled"},
+    "skill": {"compiled"},
+    "systems": {"compiled", "models", "skill"},
+    "experiments": {"compiled", "models", "skill", "systems"},
     "interfaces": {"models", "skill", "systems", "experiments"},
     "scripts": {"models", "skill", "systems", "experiments", "interfaces"},
     "haptic_skill": {"scripts"},

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 from skill.features.measurement import contact_loads, load_of_components
 from systems.plant.contact_forces import FORCE, NORMAL, PLACE, POINT, Contact, needs_contacts
 

@@ -18,8 +18,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 from systems.plant.contact_forces import FORCE, NORMAL, POINT, Contact, contact_table
 
 WEDGE_FORCE = 3.0  # in units of N; both contacts of a wedge carry at least this normal force, as in a jam

@@ -20,8 +20,8 @@ import math
 
 import numpy as np
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 
 
 @compiled

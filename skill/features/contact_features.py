@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 from skill.data.geometry import PegHoleGeometry
 from skill.features.canonical_frame import canonical_angle, turned
 from skill.features.wrench_features import WrenchFeatures

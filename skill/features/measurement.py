@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 
 
 def measurement(wrench: ArrayLike, depth: ArrayLike) -> Array:

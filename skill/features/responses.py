@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 from skill.features.canonical_frame import turned
 from skill.features.wrench_features import MEASURED, WrenchFeatures
 

@@ -26,8 +26,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import issparse
 from sklearn.base import BaseEstimator, TransformerMixin
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 from skill.data.geometry import PegHoleGeometry
 from skill.features.canonical_frame import canonical_angle, canonical_angles, turned, turned_rows
 

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 from skill.planning.prediction import NearSamples, Prediction, Query
 from skill.regression.locally_weighted_regression import MAX_QUERY, LWRegressor, RegressionNumbers, local_prediction
 from skill.regression.protocols import Regressor, StateRegressor

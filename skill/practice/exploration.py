@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import RigRun
 from skill.features.measurement import measurement

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 from skill.regression.positive_systems import solve_least_norm, solve_positive
 
 MAX_EXPONENT = 690.0

@@ -16,8 +16,8 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
+from compiled import compiled
 from skill.arrays import Array, standard_scale
-from skill.compiled import compiled
 from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.regression.leave_one_out import StoredSamples
 from skill.regression.local_model import (

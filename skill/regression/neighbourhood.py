@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 
 Rows = NDArray[np.intp]
 

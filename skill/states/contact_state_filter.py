@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compiled import compiled
 from skill.arrays import Array
 from skill.clustering.gaussian_components import distance_gate, log_normalizers, tailed_log_densities
 from skill.clustering.gaussian_states import MAX_VALUE, GaussianStates
-from skill.compiled import compiled
 
 TINY = float(np.finfo(float).tiny)
 

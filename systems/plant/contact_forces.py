@@ -17,8 +17,8 @@ from pydrake.multibody.plant import HydroelasticContactInfo, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 from skill.data.rig_run import ContactPlace
 from systems.math.rotation import cross
 

@@ -23,9 +23,9 @@ import math
 
 import numpy as np
 
+from compiled import compiled
 from models import Array
 from models.contact_geometry import TINY
-from skill.compiled import compiled
 from systems.plant.exact_gaps import Bodies, Numbers
 
 STEPS = 8

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled import compiled
 from models import Array
 from models.contact_geometry import (
     TINY,
@@ -25,7 +26,6 @@ from models.contact_geometry import (
 )
 from models.scenario import Scenario
 from models.section import KIND, SIZE, SPAN, START, C, S, Section, X, Y, point_on
-from skill.compiled import compiled
 
 Numbers = NDArray[np.int64]
 

@@ -11,10 +11,10 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
+from compiled import compiled
 from models import Array
 from models.contact_geometry import TINY
 from models.scenario import Scenario
-from skill.compiled import compiled
 from systems.math.rotation import free_body_pose
 from systems.plant.exact_contact import STEPS, match, solve_contacts, tangents
 from systems.plant.exact_gaps import MAX_CONTACTS, Bodies, find_contacts

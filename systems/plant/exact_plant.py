@@ -18,9 +18,9 @@ from pydrake.systems.framework import (
     LeafSystem,
 )
 
+from compiled import compiled
 from models import Array
 from models.scenario import Scenario
-from skill.compiled import compiled
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.contact_plant import AddRigPlant
 from systems.plant.exact_contact import STEPS, match, solve_contacts, tangents

@@ -11,11 +11,11 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
+from compiled import compiled
 from models import Array
 from models.arm import ArmParameters
 from models.hardware import GRAVITY, STEEL
 from models.scenario import Scenario
-from skill.compiled import compiled
 from systems.math.rotation import free_body_pose
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.exact_contact import STEPS

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple, Self
 
+from compiled import compiled, numbers_class
 from models.control import BackOffParameters
-from skill.compiled import compiled, numbers_class
 
 BackOffNumbers = numbers_class("BackOffNumbers", BackOffParameters, __name__)
 """`models.control.BackOffParameters` for compiled functions."""

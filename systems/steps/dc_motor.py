@@ -7,9 +7,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from compiled import compiled
 from models.hardware import DcMotorParameters
 from skill.arrays import Array
-from skill.compiled import compiled
 
 FRICTION_SPEED = 2.0  # in units of rad/s; scale of the tanh that smooths Coulomb friction
 

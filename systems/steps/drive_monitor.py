@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
+from compiled import compiled
 from models.control import DriveMonitorParameters
 from models.hardware import DcMotorParameters
 from skill.arrays import Array
-from skill.compiled import compiled
 from systems.steps.faults import FEED_NUMBERS, Fault
 
 if TYPE_CHECKING:  # a scenario needs Drake

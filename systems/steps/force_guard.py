@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 from skill.features.measurement import load_of_components
 
 if TYPE_CHECKING:  # a scenario needs Drake

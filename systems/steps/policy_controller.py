@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 from skill.features.measurement import load_of_components
 from systems.steps.back_off import BackOffNumbers, BackOffState, back_off_step
 

@@ -7,9 +7,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from compiled import compiled
 from models.hardware import DcMotorParameters, WrenchSensorParameters
 from skill.arrays import Array
-from skill.compiled import compiled
 from systems.steps.faults import Fault, reading_deviation, repeats_of_a_stuck_sensor
 
 MAX_SPIKES = 2

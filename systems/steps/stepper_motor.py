@@ -7,9 +7,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from compiled import compiled
 from models.hardware import StepperMotorParameters
 from skill.arrays import Array
-from skill.compiled import compiled
 
 PERIOD_STEPS = 4  # full steps in one electrical period, the distance between two stable equilibria of the rotor
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.compiled import compiled
 from systems.steps.faults import FEED_NUMBERS, SENSOR_NUMBERS, STEPS_LOST, Fault
 
 LOST_LAG = 2.5  # steps; a rotor that lags by two has slipped, and lags by four as soon as it rests

@@ -7,9 +7,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from compiled import compiled
 from models.hardware import WrenchSensorParameters
 from skill.arrays import Array
-from skill.compiled import compiled
 
 
 class Sensor(NamedTuple):

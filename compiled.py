@@ -58,8 +58,9 @@ def code_digest(sources: list[str]) -> str:
 @cache
 def _digest() -> str:
     """Returns `code_digest` of this checkout; it is kept, since parsing takes as long as starting."""
-    root = Path(__file__).parents[1]
-    sources = [path.read_bytes() for room in ROOMS for path in sorted(root.glob(f"{room}/**/*.py"))]
+    own = Path(__file__)
+    paths = (path for room in ROOMS for path in sorted(own.parent.glob(f"{room}/**/*.py")))
+    sources = [path.read_bytes() for path in (own, *paths)]
     known = KEPT / "sources" / hashlib.sha256(b"\0".join(sources)).hexdigest()[:32]
     if known.exists():
         return known.read_text()
@@ -103,7 +104,7 @@ class CodeLocator(_CacheLocator):  # type: ignore[misc]
 
 
 _OTHERS = "UserProvidedCacheLocator,InTreeCacheLocator,UserWideCacheLocator,IPythonCacheLocator"
-numba.config.CACHE_LOCATOR_CLASSES = f"skill.compiled.CodeLocator,{_OTHERS}"  # type: ignore[attr-defined]
+numba.config.CACHE_LOCATOR_CLASSES = f"compiled.CodeLocator,{_OTHERS}"  # type: ignore[attr-defined]
 
 
 def compiled(function: F) -> F:

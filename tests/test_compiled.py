@@ -6,7 +6,7 @@ from functools import cache
 
 import pytest
 
-from skill.compiled import KEPT, code_digest
+from compiled import KEPT, code_digest
 from skill.features.measurement import load_of_components
 
 SOURCE = '''
