@@ -58,7 +58,7 @@ fuzz: environment
 	$(RUN) tests.fuzz --jobs 2 --json out/fuzz.json
 
 PHYSICS := theory clocking convergence clearance cost
-LEARNERS := clustering regression contact_states
+LEARNERS := regression contact_states
 SENSORS := age
 BENCHMARKS := $(PHYSICS:%=physics.%) $(LEARNERS:%=learners.%) $(SENSORS:%=sensors.%)
 

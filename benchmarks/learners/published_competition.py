@@ -4,7 +4,6 @@ The algorithm is that of Frigui and Krishnapuram, "Clustering by competitive agg
 1997. The squared distance d^2 of a sample z to a prototype with centre v, covariance F and weight P is one of:
 
 - ``euclid``: |z - v|^2;
-- ``gk``: |F|^(1/d) (z - v)' F^-1 (z - v) (Gustafson and Kessel, 1979);
 - ``fmle``: |F|^(1/2) / P exp((z - v)' F^-1 (z - v) / 2) (Gath and Geva, 1989).
 
 The competition with ``fmle``, the printed equations of the paper, is dominated by the few samples of lowest density and
@@ -59,7 +58,7 @@ class PublishedCompetition(CompetitiveAgglomeration):
     Its states are Gaussians, whatever the distance; ``labels_`` are those of the distance.
 
     Args:
-        distance: "fmle", "gk" or "euclid"; see the module.
+        distance: "fmle" or "euclid"; see the module.
         init: initial centres, shape (M, d); None for the partition of `CompetitiveAgglomeration`.
         ramp: first and last iteration of a plateau of the competition, which rises before it and decays after it, with
             the rule of deaths of the authors' program; None for a competition that decays.
@@ -185,26 +184,15 @@ def log_squared_distances(Z: Array, components: GaussianComponents, distance: st
     Args:
         Z: samples, shape (n, d).
         components: M prototypes.
-        distance: "euclid", "gk" or "fmle".
-
-    Raises:
-        ValueError: if ``distance`` has another value.
+        distance: "euclid" or "fmle".
     """
     if distance == "fmle":
         factors = precision_factors(components.covariances)
         constant: float = 0.5 * Z.shape[1] * LOG_2PI
         squared = squared_mahalanobis(Z, components.means, factors)
         return -constant - (log_normalizers(components.weights, factors) - 0.5 * squared)
-    if distance == "euclid":
-        factors = np.broadcast_to(np.eye(Z.shape[1]), components.covariances.shape)
-        log_volumes = np.zeros(len(components))
-    elif distance == "gk":
-        factors = precision_factors(components.covariances)
-        log_volumes = -2.0 * np.log(np.einsum("mdd->md", factors)).mean(axis=1)
-    else:
-        raise ValueError(f"distance is {distance!r}, expected 'fmle', 'gk' or 'euclid'")
-    squared = squared_mahalanobis(Z, components.means, factors)
-    return log_volumes + np.log(np.maximum(squared, MIN_SQUARED_DISTANCE))
+    squared = ((Z[:, None] - components.means) ** 2).sum(axis=2)
+    return np.asarray(np.log(np.maximum(squared, MIN_SQUARED_DISTANCE)))
 
 
 def competitive_memberships(log_d2: Array, previous: Array | None, eta: float) -> Array:
@@ -282,7 +270,7 @@ def compete_for_prototypes(
         components: initial prototypes.
         prior: regularisation of the covariances; ``euclid`` ignores covariances.
         schedule: strength of the competition in each iteration.
-        distance: "euclid", "gk" or "fmle".
+        distance: "euclid" or "fmle".
         death_rule: which clusters die. "cardinality", as published: those with N_i below ``min_count``. "nearest", as
             in the authors' later program: those that are the nearest cluster of fewer than ``min_count`` samples, or
             of no sample in the first half of the iterations.

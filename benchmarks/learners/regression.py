@@ -1,6 +1,6 @@
 """Locally weighted regression against other regressors: accuracy on fresh data, and time.
 
-    python -m benchmarks.learners.regression [--only accuracy|intervals|latency] [--json FILE]
+    python -m benchmarks.learners.regression [--only accuracy|intervals] [--json FILE]
 
 Every learner chooses its parameters by cross-validation over groups of the training set. Accuracy, one row per learner:
 
@@ -14,8 +14,6 @@ seeds, of nominally 0.95.
 
 - prediction: share of new noisy outputs within the prediction interval;
 - mean, variance only: share of noiseless outputs within the interval of the mean, which leaves out the bias.
-
-Latency: median time of a single query, one row per learner.
 """
 
 from __future__ import annotations
@@ -60,12 +58,10 @@ MAX_GP_SAMPLES = 1500  # the cost of a Gaussian process grows with their cube
 
 
 def main(
-    only: Annotated[
-        Literal["accuracy", "intervals", "latency"] | None, typer.Option(help="Measure this alone.")
-    ] = None,
+    only: Annotated[Literal["accuracy", "intervals"] | None, typer.Option(help="Measure this alone.")] = None,
     json: JsonFile = None,
 ) -> None:
-    parts: dict[str, Callable[[], Any]] = {"accuracy": compare, "intervals": coverages, "latency": time_queries}
+    parts: dict[str, Callable[[], Any]] = {"accuracy": compare, "intervals": coverages}
     with threadpool_limits(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
         found = {name: measure() for name, measure in parts.items() if only in (None, name)}
@@ -230,45 +226,6 @@ def coverage(train: Problem, fresh: Problem) -> dict[str, Array]:
         "variance_only": (local.interval(kind="variance_only"), fresh.framed(fresh.truth)),
     }
     return {kind: ((v >= lower) & (v <= upper)).mean(axis=0) for kind, ((lower, upper), v) in intervals.items()}
-
-
-def time_queries() -> dict[str, float]:
-    """Median time of a single query among 10,000 samples along thirty curves through eight states, us; d = 14."""
-    X, y, P = trajectories(10_000)
-    model, shared, peer = LWRegressor().fit(X, y), LWRegressor().fit(X, y, memberships=P), KNeighborsRegressor(10)
-    peer.fit(X, y)
-    calls: dict[str, Callable[[slice], Any]] = {
-        "LWR": lambda rows: model.predict(X[rows]),
-        "LWR, states weighted": lambda rows: shared.predict(X[rows], P[rows]),
-        "sklearn KNN, 10 neighbours": lambda rows: peer.predict(X[rows]),
-    }
-    found = {}
-    for name, call in calls.items():
-        times = []
-        for k in range(500):
-            start = time.perf_counter()
-            call(slice(k, k + 1))
-            times.append(time.perf_counter() - start)
-        found[name] = 1e6 * float(np.median(times))
-        print(f"  {name:30} {found[name]:8.0f} us/query")
-    return found
-
-
-def trajectories(n: int, states: int = 8) -> tuple[Array, Array, Array]:
-    """Returns inputs (n, 14), outputs (n, 3) and memberships (n, states) along thirty curves, in random order."""
-    rng = np.random.default_rng(0)
-    centres = 2.0 * rng.normal(size=(states, 14))
-    X, P = np.empty((n, 14)), np.empty((n, states))
-    for rows in np.array_split(np.arange(n), 30):
-        phase = np.linspace(0.0, states - 1.0, len(rows))
-        P[rows] = np.exp(-4.0 * (phase[:, None] - np.arange(states)) ** 2)
-        P[rows] /= P[rows].sum(axis=1, keepdims=True)
-        own = centres + 0.5 * rng.normal(size=centres.shape)
-        X[rows] = P[rows] @ own + 0.1 * rng.normal(size=(len(rows), 14))
-    X = StandardScaler().fit_transform(X)
-    y = np.tanh(X @ rng.normal(size=(14, 3)) / 4.0)
-    order = rng.permutation(n)
-    return X[order], y[order], P[order]
 
 
 if __name__ == "__main__":

@@ -450,10 +450,6 @@ ELSEWHERE: dict[str, dict[str, str]] = {
         "| pivot, up to so many mm from the mouth | 0 | 1.5 | 3 | 6 | 12 |": "make sweeps",
         "| stiffness of the mount, kN/m | 25 | 50 | 100 | 200 | 400 |": "make sweeps",
     },
-    "docs/competitive_agglomeration.md": {
-        "## Comparison with other learners": "python -m benchmarks.learners.clustering",
-        "## Heavy tails": "python -m benchmarks.learners.clustering",
-    },
     "docs/exports.md": {"### An imitation policy of LeRobot on the rig": "sweep"},
     "docs/first_hour.md": {"## How this page is tried": "python -m docs._tools.first_hour"},
     "docs/gymnasium.md": {

@@ -10,16 +10,6 @@ from sklearn.metrics import adjusted_rand_score
 from sklearn.utils.estimator_checks import parametrize_with_checks
 from threadpoolctl import threadpool_limits
 
-from benchmarks.learners.cluster_sets import (
-    demonstrations_and_phase,
-    ellipses,
-    insertion,
-    iris,
-    overlapping,
-    separated,
-    spheres,
-)
-from benchmarks.learners.clustering import with_outliers
 from skill.clustering import competitive_agglomeration
 from skill.clustering.competitive_agglomeration import (
     CompetitiveAgglomeration,
@@ -31,6 +21,16 @@ from skill.clustering.competitive_agglomeration import (
 )
 from skill.clustering.expectation_maximization import CovariancePrior, components_of_partition
 from tests.skill.clustering.components import densities, no_prior, spherical, weighted_moments
+from tests.skill.clustering.labelled_sets import (
+    demonstrations_and_phase,
+    ellipses,
+    insertion,
+    iris,
+    overlapping,
+    separated,
+    spheres,
+    with_outliers,
+)
 
 SYMMETRIC = np.array([[-1.0], [1.0]])
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from benchmarks.learners.cluster_sets import separated
 from skill.clustering.component_merging import (
     Mixture,
     best_of_each_number,
@@ -17,6 +16,7 @@ from skill.clustering.component_merging import (
 )
 from skill.clustering.expectation_maximization import components_of_partition, expectation_maximization
 from tests.skill.clustering.components import no_prior, random_components, spherical
+from tests.skill.clustering.labelled_sets import separated
 
 
 def test_merging_keeps_the_moments():

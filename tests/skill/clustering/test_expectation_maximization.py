@@ -5,7 +5,6 @@ import pytest
 from scipy.stats import multivariate_t
 from sklearn.mixture import GaussianMixture
 
-from benchmarks.learners.cluster_sets import ellipses, separated, spheres
 from skill.clustering.expectation_maximization import (
     CovariancePrior,
     Moments,
@@ -22,6 +21,7 @@ from tests.skill.clustering.components import (
     student_samples,
     weighted_moments,
 )
+from tests.skill.clustering.labelled_sets import ellipses, separated, spheres
 
 NU = 4.0
 

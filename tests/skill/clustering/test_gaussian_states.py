@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_normal, multivariate_t
 
-from benchmarks.learners.cluster_sets import ellipses, separated
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.gaussian_components import GaussianComponents, distance_gate
 from skill.clustering.gaussian_states import UNKNOWN, GaussianStates
 from skill.states.contact_state_filter import ContactStateFilter
+from tests.skill.clustering.labelled_sets import ellipses, separated
 
 NU = 4.0
 

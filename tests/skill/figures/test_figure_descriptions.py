@@ -17,10 +17,8 @@ from matplotlib.figure import Figure
 from skill.data.demonstration import Demonstration
 from skill.data.outcome import Outcome
 from skill.figures.demonstration_figure import COLOURS, plot_set, summarise
-from skill.figures.paper_figures import new_figure, plot_demonstration, plot_outcomes, plot_run
+from skill.figures.paper_figures import plot_demonstration, plot_outcomes, plot_run
 from skill.figures.practice_figure import plot_practice
-from skill.figures.state_graph_figure import draw_state_graph
-from skill.states.state_graph import StateGraph
 from tests.skill.figures.description import describe
 from tests.trajectories import make_demonstration, make_rig_run
 
@@ -58,14 +56,6 @@ def run_with_long_names() -> Figure:
     return plot_run(replace(make_rig_run(), metadata={"state_names": names}))
 
 
-def state_graph() -> Figure:
-    sequences = [[0, 0, 1, 1, 1, 2, 3, 3], [0, 1, 1, 2, 2, 1, 2, 3], [0, 0, 1, 2, 2, 2], [1, 1, 0, 0, 2, 3]]
-    figure = new_figure(4.0)
-    graph = StateGraph(sample_period=0.02).fit(sequences, ["inserted", "inserted", "jammed", "time over"])
-    draw_state_graph(graph, figure.add_subplot(), ["free", "rim", "wedge", "in"])
-    return figure
-
-
 def demonstration_set() -> Figure:
     outcomes = ["inserted", "inserted", "inserted roughly", "jammed", "another word", "fault"]
     demonstrations = []
@@ -83,7 +73,6 @@ FIGURES = {
     "outcomes": lambda: plot_outcomes(trials().assign(seed=np.arange(7, 12))),
     "many_outcomes": lambda: plot_outcomes(trials(30)),
     "practice": practice,
-    "state_graph": state_graph,
     "demonstration_set": demonstration_set,
 }
 

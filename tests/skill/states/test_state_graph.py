@@ -1,14 +1,9 @@
-import matplotlib
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from matplotlib.figure import Figure
 
-from skill.figures.state_graph_figure import draw_state_graph
 from skill.states.state_graph import StateGraph
-
-matplotlib.use("Agg")
 
 SEQUENCES = [[0, 0, 1, 1, 1, 2], [0, 1, 0, 1, 2, 2], [0, 0, 0, 3], [0, 1, 3, 3, 3, 3]]
 OUTCOMES = ["inserted", "inserted", "jammed", "inserted"]
@@ -190,15 +185,3 @@ def test_times_compensate_for_dropped_samples():
     for times in ([0.1, 0.1], [0.0, np.nan], [0.0, np.inf]):
         with pytest.raises(ValueError, match="times of sequence 0 do not increase"):
             StateGraph().fit([[0, 1]], ["inserted"], times=[times])
-
-
-def test_figure_shows_each_state_and_outcome():
-    figure = Figure()
-    axes = figure.add_subplot()
-    draw_state_graph(example(), axes, names=["free", "rim", "wedge", "in"])
-    figure.canvas.draw()
-    texts = " ".join(t.get_text() for t in axes.texts)
-    for word in ("free", "rim", "wedge", "in", "inserted (3)", "jammed (1)"):
-        assert word in texts
-    with pytest.raises(ValueError, match="one for each state"):
-        draw_state_graph(example(), axes, names=["free"])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.datasets import load_iris, load_wine
+from sklearn.datasets import load_iris
 
 from skill.arrays import Array
 
@@ -170,7 +170,9 @@ def iris(seed: int | None = None) -> tuple[Samples, Labels]:
     return (X - X.mean(0)) / X.std(0), y
 
 
-def wine(seed: int | None = None) -> tuple[Samples, Labels]:
-    """Wine recognition data, standardised; the same for every seed."""
-    X, y = load_wine(return_X_y=True)
-    return (X - X.mean(0)) / X.std(0), y
+def with_outliers(seed: int) -> tuple[Samples, Labels]:
+    """The ellipses with 5 % of uniform outliers, which belong to no cluster (label -1)."""
+    X, y = ellipses(seed)
+    rng = np.random.default_rng(seed + 1)
+    n = len(X) // 20
+    return np.vstack([X, rng.uniform(-20, 120, (n, 2))]), np.r_[y, np.full(n, -1)]
