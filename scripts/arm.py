@@ -75,8 +75,7 @@ def main(
     from functools import partial
 
     from experiments.outputs.output_checks import RECORDING_SIZE, REPORT_SIZE, check_folder
-    from experiments.outputs.output_set import open_set
-    from experiments.outputs.set_index import RUNS, SetIndex
+    from experiments.outputs.output_set import RUNS, SetIndex, open_set
     from experiments.provenance import versions
     from experiments.trial.trial_result import TrialResult
     from interfaces.robots.insertion import ArmSession

@@ -257,8 +257,7 @@ def correct_simulated(
 
     from experiments.corrections import MAX_ROUNDS, correct, demonstrate_corrections, habit_of
     from experiments.outputs.output_checks import RECORDING_SIZE, check_folder
-    from experiments.outputs.output_set import check_set, open_set
-    from experiments.outputs.set_index import DEMONSTRATIONS, SetIndex, read_index
+    from experiments.outputs.output_set import DEMONSTRATIONS, SetIndex, check_set, open_set, read_index
     from experiments.provenance import versions
     from interfaces.terminal import progress, say
     from models.scenario import dump_scenario

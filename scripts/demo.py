@@ -64,8 +64,7 @@ def main(
     from experiments.corrections import CorrectionPlan
     from experiments.outputs.folder_lock import locked_file, locked_folder, remove_unfinished
     from experiments.outputs.output_checks import RECORDING_SIZE, REPORT_SIZE, check_file, check_folder, named_errors
-    from experiments.outputs.output_set import check_set
-    from experiments.outputs.set_index import DEMONSTRATIONS, RUNS, SetIndex
+    from experiments.outputs.output_set import DEMONSTRATIONS, RUNS, SetIndex, check_set
     from experiments.provenance import versions
     from interfaces.reports.result_tables import result_summary, result_table, state_table
     from interfaces.terminal import only_progress, say, show

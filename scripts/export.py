@@ -113,8 +113,7 @@ def find_exported(folder: Path) -> tuple[list[Path], bool]:
     Raises:
         ValueError: if there are none.
     """
-    from experiments.outputs.output_set import find_recordings
-    from experiments.outputs.set_index import DEMONSTRATIONS, LIVE, read_index
+    from experiments.outputs.output_set import DEMONSTRATIONS, LIVE, find_recordings, read_index
     from interfaces.terminal import say
 
     if not folder.is_dir():

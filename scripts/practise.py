@@ -80,8 +80,7 @@ def main(
         named_errors,
         require_distinct,
     )
-    from experiments.outputs.output_set import open_set, remove_own_folder
-    from experiments.outputs.set_index import PRACTICE, SetIndex, read_index
+    from experiments.outputs.output_set import PRACTICE, SetIndex, open_set, read_index, remove_own_folder
     from experiments.practice_rounds import Practice, improve, trial_names
     from experiments.provenance import versions
     from experiments.trial.run_trial import run_trial

@@ -128,8 +128,7 @@ def record(
 
     from experiments.demonstration_set import demonstrate_all, requests
     from experiments.outputs.output_checks import RECORDING_SIZE, REPORT_SIZE, check_folder
-    from experiments.outputs.output_set import open_set
-    from experiments.outputs.set_index import DEMONSTRATIONS, SetIndex
+    from experiments.outputs.output_set import DEMONSTRATIONS, SetIndex, open_set
     from experiments.provenance import versions
     from interfaces.terminal import progress, say
     from models.scenario import dump_scenario

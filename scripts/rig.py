@@ -23,8 +23,7 @@ from scripts.command_line import (
 )
 
 if TYPE_CHECKING:
-    from experiments.outputs.output_set import OutputSet
-    from experiments.outputs.set_index import SetIndex
+    from experiments.outputs.output_set import OutputSet, SetIndex
     from experiments.trial.trial_result import TrialResult
 
 RESULTS, REPORT = "results.json", "report.html"
@@ -83,8 +82,7 @@ def main(
     from functools import partial
 
     from experiments.outputs.output_checks import RECORDING_SIZE, REPORT_SIZE, check_folder
-    from experiments.outputs.output_set import open_set
-    from experiments.outputs.set_index import RUNS, SetIndex
+    from experiments.outputs.output_set import RUNS, SetIndex, open_set
     from experiments.provenance import versions
     from experiments.trial.run_trial import run_trials
     from experiments.trial.trial_set import TrialSet

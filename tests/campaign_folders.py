@@ -11,8 +11,7 @@ from typing import Any
 import yaml
 from PIL import Image
 
-from experiments.outputs.output_set import NEW, READY, finish_replacement
-from experiments.outputs.set_index import LIVE, read_index
+from experiments.outputs.output_set import LIVE, NEW, READY, finish_replacement, read_index
 from models.scenario import dump_scenario
 from skill.data.demonstration import read_demonstration
 from skill.data.rig_run import read_rig_run

@@ -6,7 +6,7 @@ import sys
 import psutil
 import pytest
 
-from experiments.outputs.set_index import DEMONSTRATIONS, SetIndex
+from experiments.outputs.output_set import DEMONSTRATIONS, SetIndex
 from skill.data.demonstration import write_demonstration
 from tests.campaign import is_alive, run, state
 from tests.campaign_folders import RecordLane, marks

@@ -19,8 +19,6 @@ from filelock import FileLock, Timeout
 from skill.data.files import TEMPORARY_MARK
 
 LOCK_NAME = ".haptic-skill.lock"
-HOLDER = "held by "
-"""How the content of a lock begins."""
 
 PATIENCE = 0.2  # in units of s: a lock may be taken again while its last holder removes it
 
@@ -37,7 +35,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
 
     Raises:
         BusyError: if another process holds the folder. The message names the process.
-        OSError: if the folder cannot be written, or something else than a lock has its name.
+        OSError: if the folder cannot be written.
     """
     with _locked(folder / LOCK_NAME, folder):
         yield
@@ -51,16 +49,14 @@ def locked_file(path: Path) -> Iterator[None]:
         yield
 
 
-def remove_unfinished(folder: Path, names: Iterable[str]) -> list[Path]:
-    """Removes the temporary files that a killed process left beside files with these names; returns their paths."""
+def remove_unfinished(folder: Path, names: Iterable[str]) -> None:
+    """Removes the temporary files that a killed process left beside files with these names."""
     temporary = re.compile(rf"\.(.+){re.escape(TEMPORARY_MARK)}[a-z0-9_]{{8}}")
-    known, removed = set(names), []
-    for path in sorted(folder.glob(".*")):
+    known = set(names)
+    for path in folder.glob(".*"):
         match = temporary.fullmatch(path.name)
         if match and match[1] in known and path.is_file():
             path.unlink()
-            removed.append(path)
-    return removed
 
 
 @contextmanager
@@ -73,37 +69,23 @@ def _locked(path: Path, subject: Path) -> Iterator[None]:
     path.parent.mkdir(parents=True, exist_ok=True)
     lock = FileLock(path)
     try:
-        try:
-            if os.path.lexists(path) and _content(path) is None:
-                raise OSError("not a lock of this program; move it away")
-            lock.acquire(timeout=PATIENCE)
-            path.write_text(f"{HOLDER}process {os.getpid()} ({Path(sys.argv[0]).name}, since {datetime.now():%F %T})")
-        except Timeout:
-            holder = (_content(path) or "").removeprefix(HOLDER) or "another process"
-            raise BusyError(f"{subject}: {holder} writes here; wait for it, stop it, or choose another --out") from None
-        except OSError as error:
-            raise OSError(f"{path}: the lock cannot be taken ({error.strerror or error})") from error
-        try:
-            _held.add(path)
-            yield
-        finally:
-            _held.discard(path)
-            path.unlink(
-                missing_ok=True
-            )  # while it is held: whoever has opened it sees that it is gone, and tries again
-            lock.release()
+        lock.acquire(timeout=PATIENCE)
+        path.write_text(f"process {os.getpid()} ({Path(sys.argv[0]).name}, since {datetime.now():%F %T})")
+    except Timeout:
+        holder = ""
+        with suppress(OSError):  # it has just gone
+            holder = path.read_text(errors="replace")
+        holder = holder or "another process"
+        raise BusyError(f"{subject}: {holder} writes here; wait for it, stop it, or choose another --out") from None
+    except OSError as error:
+        raise OSError(f"{path}: the lock cannot be taken ({error.strerror or error})") from error
+    _held.add(path)
+    try:
+        yield
     finally:
+        _held.discard(path)
+        path.unlink(missing_ok=True)  # while it is held: whoever has opened it sees that it is gone, and tries again
+        lock.release()
         for folder in missing:
             with suppress(OSError):  # not empty
                 folder.rmdir()
-
-
-def _content(path: Path) -> str | None:
-    """The text in a lock, empty if it is new or just gone; None if something else is in its place."""
-    try:
-        text = path.read_bytes().decode(errors="replace") if path.is_file() and not path.is_symlink() else None
-    except FileNotFoundError:
-        return ""
-    if text is None:
-        return None if os.path.lexists(path) else ""
-    return text if not text or text.startswith(HOLDER) else None

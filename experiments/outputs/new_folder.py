@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from glob import escape
 from pathlib import Path
 
 from experiments.outputs.folder_lock import locked_file
-from skill.data.files import TEMPORARY_MARK
 
-REPLACED = ".haptic-skill-replaced"
-"""What is added to the hidden name of a folder while it is replaced."""
+STAGED, REPLACED = ".haptic-skill-new", ".haptic-skill-replaced"
+"""What is added to the hidden name of a folder that is made, and of one that is replaced."""
 
 FilesOf = Callable[[Path], set[str] | None]
 """Returns the relative paths of the files of which a folder of a kind consists; None if it is not of this kind."""
@@ -36,20 +32,19 @@ def new_folder(out: Path, *, files_of: FilesOf = lambda folder: None) -> Iterato
         OSError: if another process writes it, or it cannot be written. The folder ``out`` is then unchanged.
     """
     out = out.parent.resolve() / out.name
-    old = out.parent / f".{out.name}{REPLACED}"
+    staged, old = out.with_name(f".{out.name}{STAGED}"), out.with_name(f".{out.name}{REPLACED}")
     with locked_file(out):
-        _finish(out, old)
+        _finish(out, staged, old)
         check_new_folder(out, files_of=files_of)
-        staged = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}{TEMPORARY_MARK}"))
+        staged.mkdir()
         try:
             yield staged
-            staged.chmod(0o755)
             os.sync()  # the files are on the disk before the name is
             if out.exists():
                 out.rename(old)
             staged.rename(out)
         finally:
-            _finish(out, old)
+            _finish(out, staged, old)
 
 
 def check_new_folder(out: Path, *, files_of: FilesOf = lambda folder: None) -> None:
@@ -58,22 +53,17 @@ def check_new_folder(out: Path, *, files_of: FilesOf = lambda folder: None) -> N
     Raises:
         ValueError: if not. The message names what is in it.
     """
-    if not os.path.lexists(out):
-        return
-    if out.is_symlink() or not out.is_dir():
+    if out.is_symlink() or (out.exists() and not out.is_dir()):
         raise ValueError(f"{out}: is there and no folder; choose another OUT")
     found = {path.relative_to(out).as_posix() for path in out.rglob("*") if not path.is_dir()}
     foreign = sorted(found - (files_of(out) or set()))
     if foreign:
-        what = f"holds {foreign[0]}" + (f" and {len(foreign) - 1} more files" if len(foreign) > 1 else "")
-        raise ValueError(f"{out}: {what}, which is not replaced; choose another OUT")
+        raise ValueError(f"{out}: holds {foreign[0]}, which is not replaced; choose another OUT")
 
 
-def _finish(out: Path, old: Path) -> None:
+def _finish(out: Path, staged: Path, old: Path) -> None:
     """Puts a folder back whose replacement did not succeed, and removes what is left of the old or the new one."""
     if old.is_dir() and not out.exists():
         old.rename(out)
-    shutil.rmtree(old, ignore_errors=True)
-    for path in out.parent.glob(f".{escape(out.name)}{TEMPORARY_MARK}*"):
-        if re.fullmatch(r"[a-z0-9_]{8}", path.name.rpartition(TEMPORARY_MARK)[2]) and path.is_dir():
-            shutil.rmtree(path, ignore_errors=True)
+    for left in (old, staged):
+        shutil.rmtree(left, ignore_errors=True)

@@ -10,9 +10,10 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from experiments.outputs.folder_lock import LOCK_NAME
-from experiments.outputs.set_index import INDEX_NAME, read_index
 from skill.data.files import TEMPORARY_MARK
+
+INDEX_NAME = "index.json"
+"""The file that lists the files of a folder; see `experiments.outputs.output_set`."""
 
 RECORDING_SIZE = 60_000  # bytes of a recording or a run, about
 REPORT_SIZE = 3_000_000  # bytes of a page with a scene or figures, at most
@@ -72,12 +73,9 @@ def check_file(path: Path, suffix: str, *, option: str = "--out", size: int = 0)
         what = "a folder" if path.is_dir() else "a device or a pipe"
         raise OSError(f"{option} {path}: is {what}; expected the name of a file")
     check_folder(path.parent, option=option, size=size, name=path.name)
-    if path.name in (INDEX_NAME, LOCK_NAME) or re.fullmatch(r"\..+\.lock", path.name):
-        raise ValueError(f"{option} {path}: the name of an index or a lock; choose another {option}")
-    index = read_index(path.parent)
-    if index is not None and path.name in index.names:
-        owner = f"the {index.kind.name} in {path.parent}, as its index says"
-        raise ValueError(f"{option} {path}: belongs to {owner}; choose another {option}")
+    index = path.parent / INDEX_NAME
+    if path == index or (index.is_file() and f'"{path.name}"' in index.read_text(errors="replace")):
+        raise ValueError(f"{option} {path}: belongs to what {index} lists; choose another {option}")
     if not path.exists():
         return
     try:

@@ -1,25 +1,148 @@
 """A folder that a command fills with the files of one request: continued, protected, or replaced as a whole.
 
-A set that replaces another is made in the hidden folder `NEW` beside it. When all its items are there, the hidden
-folder is renamed to `READY`: from then on the new set counts, and its files move into place. Whoever opens the folder
-next finishes an interrupted move. So a process that is killed at any moment leaves the whole old set or the whole new
-one.
+Its index, `index.json`, holds the request and the names of the files. A set that replaces another is made in the hidden
+folder `NEW` within it. When all its items are there, the hidden folder is renamed to `READY`: from then on the new set
+counts, and its files move into place. Whoever opens the folder next finishes an interrupted move. So a process that is
+killed at any moment leaves the whole old set or the whole new one.
 """
 
 from __future__ import annotations
 
-import os
-import warnings
-from collections.abc import Callable, Iterator
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from experiments.outputs.folder_lock import LOCK_NAME, locked_folder, remove_unfinished
-from experiments.outputs.output_checks import RECORDING_SIZE, check_folder, named_errors
-from experiments.outputs.set_index import DEMONSTRATIONS, INDEX_NAME, LIVE, SetIndex, read_index
+from experiments.outputs.output_checks import INDEX_NAME, RECORDING_SIZE, check_folder, named_errors
+from experiments.trial.trial_result import TrialResult
+from skill.data.demonstration import read_demonstration
+from skill.data.files import one_line, read_bounded, write_atomically
+from skill.data.rig_run import read_rig_run
+
+INDEX_VERSION = 1
+MAX_INDEX_SIZE = 50_000_000  # bytes; a hundred thousand trials need 6 MB
 
 NEW, READY = ".new", ".ready"
+
+
+def read_result(path: Path) -> TrialResult:
+    """Reads and validates a run, and returns its result.
+
+    Raises:
+        ValueError: if the file or the result in it is not valid. The message names the file.
+    """
+    row = read_rig_run(path).result
+    try:
+        return TrialResult.from_record(row)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+@dataclass(frozen=True)
+class SetKind:
+    """A kind of folder.
+
+    Attributes:
+        name: in the index and in messages: what the folder holds.
+        names: pattern of the names that its files may have.
+        read: reads and validates an item, one of the ``.parquet`` files that the work produces; raises ValueError.
+    """
+
+    name: str
+    names: str
+    read: Callable[[Path], Any]
+
+
+DEMONSTRATIONS = SetKind(
+    "demonstrations", r"\d{3,}_(good|bad|correction)_(?!live\.)\w+\.parquet|demonstrations\.png", read_demonstration
+)
+LIVE = SetKind("live recordings", r"(?!)", read_demonstration)  # lists none: all are read, and none is replaced
+RUNS = SetKind("runs", r"run_\d{4,}\.parquet|results\.json|report\.html|replay_\d{4,}\.html", read_result)
+PRACTICE = SetKind(
+    "practice trials",
+    r"round_\d{4,}_(trial|check)_\d{4,}\.parquet|held_out_(before|after)_\d{4,}\.parquet|best\.npz",
+    read_rig_run,
+)
+
+KINDS = {kind.name: kind for kind in (DEMONSTRATIONS, LIVE, RUNS, PRACTICE)}
+
+
+@dataclass(frozen=True)
+class SetIndex:
+    """The content of an index.
+
+    Attributes:
+        kind: of the folder.
+        request: what the files were made for; two sets with the same request are the same.
+        files: names of the files that belong to the set as long as it exists.
+        reports: names of the files that are made from them at the end, and can be made again. The first is made last.
+    """
+
+    kind: SetKind
+    request: Mapping[str, Any]
+    files: tuple[str, ...] = ()
+    reports: tuple[str, ...] = ()
+
+    @property
+    def items(self) -> list[str]:
+        """The names of the items."""
+        return [name for name in self.files if name.endswith(".parquet")]
+
+    @property
+    def names(self) -> set[str]:
+        """The names of all files."""
+        return {*self.files, *self.reports}
+
+    def finished(self, folder: Path) -> list[str]:
+        """Names of the items that are in a folder. Files are written whole, so these are finished."""
+        return [name for name in self.items if (folder / name).is_file()]
+
+    def is_complete(self, folder: Path) -> bool:
+        """Whether all items and the last report are in a folder."""
+        return all((folder / name).is_file() for name in (*self.items, *self.reports[:1]))
+
+    def write(self, folder: Path) -> None:
+        """Writes the index into a folder."""
+        content = {"index_version": INDEX_VERSION, **asdict(self), "kind": self.kind.name}
+        write_atomically(folder / INDEX_NAME, (json.dumps(content, indent=1) + "\n").encode())
+
+    def difference(self, request: Mapping[str, Any]) -> str:
+        """Names what another request has different."""
+        parts = []
+        for key in request:
+            old, new = self.request.get(key), request[key]
+            if old != new:
+                is_short = isinstance(old, int | float | str) and "\n" not in str(old) and len(str(old)) < 40
+                parts.append(f"{key} {old}, here {new}" if is_short else f"another {key}")
+        return f"of another request ({'; '.join(parts)})"
+
+
+def read_index(folder: Path) -> SetIndex | None:
+    """Reads the index of a folder; None if there is none.
+
+    Raises:
+        ValueError: if it is not an index of this program. The message names the file.
+        OSError: if it cannot be read.
+    """
+    path = folder / INDEX_NAME
+    try:
+        content = json.loads(read_bounded(path, MAX_INDEX_SIZE))
+        kind = KINDS[content["kind"]]
+        found = SetIndex(kind, dict(content["request"]), tuple(content["files"]), tuple(content["reports"]))
+        wrong = [name for name in found.names if not re.fullmatch(kind.names, name)]
+        if content["index_version"] != INDEX_VERSION or wrong:
+            raise ValueError(f"version {content['index_version']}, files {wrong[:3]}")
+        return found
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise ValueError(
+            f"{path}: not an index of this program ({type(error).__name__}: {one_line(error)}); move it away"
+        ) from error
 
 
 class OutputSet:
@@ -54,12 +177,10 @@ class OutputSet:
         Raises:
             OSError: if it cannot be written. The message names the file and what is kept.
         """
-        kept = f"{self.kept()}; make room and give the same command again"
-        if not self._is_written:
-            with named_errors(self._place / INDEX_NAME, kept):
+        with named_errors(self._place / name, f"{self.kept()}; make room and give the same command again"):
+            if not self._is_written:
                 self._index.write(self._place)
-            self._is_written = True
-        with named_errors(self._place / name, kept):
+                self._is_written = True
             write(self._place / name)
 
     def path(self, name: str) -> Path:
@@ -94,14 +215,13 @@ def open_set(folder: Path, index: SetIndex, *, overwrite: bool) -> Iterator[Outp
         OSError: if another process holds the folder, or it cannot be written.
     """
     with locked_folder(folder):
-        if os.path.lexists(folder / READY):
-            finish_replacement(folder)
-        old = check_set(folder, index, overwrite=overwrite)
-        place = folder
+        finish_replacement(folder)
+        old, place = check_set(folder, index, overwrite=overwrite), folder
         if old is not None and old.finished(folder):
             is_same = old.request == index.request
-            place = folder / NEW if not is_same or (overwrite and old.is_complete(folder)) else folder
-        if place != folder and (place.is_symlink() or read_index(place) != index or _foreign(place)):
+            if not is_same or (overwrite and old.is_complete(folder)):
+                place = folder / NEW
+        if place != folder and read_index(place) != index:
             remove_own_folder(place)  # of an interrupted --overwrite with another request
         for known in {folder, place}:
             remove_unfinished(known, [*index.names, *(old.names if old is not None else ()), INDEX_NAME])
@@ -118,8 +238,7 @@ def check_set(folder: Path, index: SetIndex, *, overwrite: bool) -> SetIndex | N
     old = read_index(folder)
     if old is not None and old.kind is not index.kind:
         raise ValueError(f"{folder}: holds {old.kind.name}, not {index.kind.name}; choose another --out")
-    known = set() if old is None else old.names
-    for name in sorted(index.names - known):
+    for name in sorted(index.names - (set() if old is None else old.names)):
         if (folder / name).exists():
             raise ValueError(f"{folder / name}: not a file of this set; move it away, or choose another --out")
     if old is None and (others := sorted(folder.glob("*.parquet"))):
@@ -139,12 +258,8 @@ def finish_replacement(folder: Path) -> None:
         ValueError: if the hidden folder ``READY`` holds what this program did not write there.
     """
     ready = folder / READY
-    if not os.path.lexists(ready):
-        return
-    old = read_index(folder)
-    new = None if ready.is_symlink() else read_index(ready)  # the index moves last
-    if (new is not None and old is not None and new.kind is not old.kind) or _foreign(ready):
-        new = None  # not of this program: the removal names it
+    check_own_folder(ready)
+    old, new = read_index(folder), read_index(ready)  # the index moves last
     if new is not None:
         items = set(new.items)
         if old is not None:
@@ -158,34 +273,35 @@ def finish_replacement(folder: Path) -> None:
     remove_own_folder(ready)
 
 
-def remove_own_folder(folder: Path) -> None:
-    """Removes a folder that holds a set, or is empty; the index last, so that what an interruption leaves goes too.
+def check_own_folder(folder: Path) -> set[str]:
+    """Returns the names of the files of a set that a folder may hold; a missing or empty folder is one too.
 
     Raises:
         ValueError: if it holds another file, or is not a folder. The message names it.
     """
-    if not os.path.lexists(folder):
-        return
-    if folder.is_symlink() or not folder.is_dir():
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise ValueError(f"{folder}: a name that this program needs for a folder; move it away")
-    others = _foreign(folder)
+    index = read_index(folder)
+    names = {INDEX_NAME, LOCK_NAME, *(index.names if index is not None else ())}
+    remove_unfinished(folder, names)
+    others = sorted({path.name for path in folder.glob("*")} - names)
     if others:
         raise ValueError(
             f"{folder}: holds {others[0]}, which this program did not write there; move the folder or the file away"
         )
-    for path in sorted(folder.iterdir(), key=lambda path: path.name == INDEX_NAME):
-        path.unlink()
-    folder.rmdir()
+    return names
 
 
-def _foreign(folder: Path) -> list[str]:
-    """The files in a folder that neither its index lists nor a killed process left."""
-    if not folder.is_dir():
-        return []
-    index = read_index(folder)
-    names = {INDEX_NAME, *(index.names if index is not None else ())}
-    remove_unfinished(folder, names)
-    return sorted({path.name for path in folder.iterdir()} - names - {LOCK_NAME})
+def remove_own_folder(folder: Path) -> None:
+    """Removes a folder that holds a set, or is empty; the index last, so that what an interruption leaves goes too.
+
+    Raises:
+        ValueError: see `check_own_folder`.
+    """
+    for name in sorted(check_own_folder(folder), key=lambda name: name == INDEX_NAME):
+        (folder / name).unlink(missing_ok=True)
+    if folder.exists():
+        folder.rmdir()
 
 
 @contextmanager
@@ -204,13 +320,8 @@ def open_live_folder(folder: Path) -> Iterator[None]:
         index = read_index(folder)
         if index is not None and index.kind is not LIVE:
             raise ValueError(f"{folder}: holds {index.kind.name}; choose another --out for live recordings")
-        names = {path.name.rpartition(".")[0].removeprefix(".") for path in folder.glob(".*_live.parquet.*")}
-        removed = remove_unfinished(folder, [*names, INDEX_NAME])
-        if removed:
-            warnings.warn(
-                f"{folder}: removed {len(removed)} unfinished file(s) of a killed session; finished ones are complete",
-                stacklevel=3,
-            )
+        left = {path.name.rpartition(".")[0].removeprefix(".") for path in folder.glob(".*_live.parquet.*")}
+        remove_unfinished(folder, [*left, INDEX_NAME])
         _mark_live(folder)
         try:
             yield
@@ -235,7 +346,7 @@ def find_recordings(folder: Path) -> tuple[list[Path], str]:
         ValueError: if there is none, the index is not valid, or the folder holds something else.
         OSError: if an interrupted replacement of the set cannot be finished.
     """
-    if os.path.lexists(folder / READY):
+    if (folder / READY).exists():
         with locked_folder(folder):
             finish_replacement(folder)
     index = read_index(folder)

@@ -13,8 +13,7 @@ from typing import Any, TypeVar
 
 from experiments.demonstration_set import Request, demonstrate
 from experiments.outputs.folder_lock import BusyError, locked_file
-from experiments.outputs.output_set import OutputSet, open_set
-from experiments.outputs.set_index import DEMONSTRATIONS, SetIndex
+from experiments.outputs.output_set import DEMONSTRATIONS, OutputSet, SetIndex, open_set
 from experiments.provenance import versions
 from experiments.sweeps.assignments import DemonstrationSource, PolicySource
 from experiments.sweeps.code_digest import Requirements

@@ -9,8 +9,7 @@ import sys
 
 import pytest
 
-from experiments.outputs.output_set import open_live_folder, open_set
-from experiments.outputs.set_index import RUNS, SetIndex
+from experiments.outputs.output_set import RUNS, SetIndex, open_live_folder, open_set
 from experiments.trial.trial_set import TrialSet, trial_scenario
 from models.scenario import dump_scenario, parse_scenario
 from skill.data.demonstration import write_demonstration

@@ -2,8 +2,7 @@
 
 from functools import partial
 
-from experiments.outputs.output_set import open_set
-from experiments.outputs.set_index import DEMONSTRATIONS, SetIndex
+from experiments.outputs.output_set import DEMONSTRATIONS, SetIndex, open_set
 from skill.data.demonstration import write_demonstration
 from tests.trajectories import make_demonstration
 

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from experiments.outputs.new_folder import REPLACED, new_folder
+from experiments.outputs.new_folder import REPLACED, STAGED, new_folder
 
 
 def make(out, text="new", **options):
@@ -59,15 +59,14 @@ def test_what_a_killed_process_left_is_removed_or_put_back(tmp_path, name):
     out = tmp_path / name
     make(out)
     out.rename(tmp_path / f".{name}{REPLACED}")  # killed between the two renames
-    (tmp_path / f".{name}.tmp-abcdefgh").mkdir()
-    (tmp_path / f".{name}.tmp-mine").mkdir()
+    (tmp_path / f".{name}{STAGED}").mkdir()
     with pytest.raises(ValueError, match="which is not replaced"):
         make(out)
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([name, f".{name}.tmp-mine"])
+    assert sorted(p.name for p in tmp_path.iterdir()) == [name]
     (tmp_path / f".{name}{REPLACED}").mkdir()  # killed before the old folder was removed
     make(out, "newer", files_of=own)
     assert (out / "in/a.txt").read_text() == "newer"
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([name, f".{name}.tmp-mine"])
+    assert sorted(p.name for p in tmp_path.iterdir()) == [name]
 
 
 def test_a_failed_replacement_puts_the_old_folder_back(tmp_path, monkeypatch):

@@ -12,8 +12,16 @@ import pytest
 
 from experiments.outputs import output_set
 from experiments.outputs.folder_lock import remove_unfinished
-from experiments.outputs.output_set import READY, find_recordings, finish_replacement, open_live_folder, open_set
-from experiments.outputs.set_index import RUNS, SetIndex, read_index
+from experiments.outputs.output_set import (
+    READY,
+    RUNS,
+    SetIndex,
+    find_recordings,
+    finish_replacement,
+    open_live_folder,
+    open_set,
+    read_index,
+)
 from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import write_rig_run
 from tests.experiments.outputs.sets import NAMES, index_of, make_set, write_item
@@ -204,7 +212,7 @@ def test_a_killed_live_session_leaves_no_temporary_file(tmp_path):
     (tmp_path / ".004_good_live.parquet.tmp-abcd1234").write_bytes(b"PAR1 half")
     (tmp_path / ".profile.parquet.txt").write_text("mine")
     write_demonstration(make_demonstration(habit="live"), tmp_path / "000_good_live.parquet")
-    with pytest.warns(UserWarning, match=r"removed 1 unfinished file\(s\)"), open_live_folder(tmp_path):
+    with open_live_folder(tmp_path):
         assert read_index(tmp_path) is not None  # also if this session is killed
     assert files(tmp_path) == [".profile.parquet.txt", "000_good_live.parquet", "index.json"]
 
@@ -253,11 +261,6 @@ def test_a_foreign_index_is_one_error_and_nothing_is_touched(tmp_path, content):
 
 def test_an_index_that_cannot_be_written_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(SetIndex, "write", lambda *_: write_to_full_device())
-    with (
-        open_set(tmp_path, index_of(1), overwrite=False) as items,
-        pytest.raises(OSError, match=r"index\.json: not written \(No space left on device\); 0 of 3 demonstrations"),
-    ):
-        write_item(items, NAMES[0], 1)
     write_demonstration(make_demonstration(habit="live"), tmp_path / "live" / "000.parquet")
     with (
         pytest.raises(
@@ -333,8 +336,7 @@ def test_only_temporary_files_of_known_names_are_removed(tmp_path):
         ".a.npz.tmp-ABCD1234",
     ):
         (tmp_path / name).touch()
-    removed = remove_unfinished(tmp_path, ["a.npz"])
-    assert [path.name for path in removed] == [".a.npz.tmp-abcd123_"]
+    remove_unfinished(tmp_path, ["a.npz"])
     assert files(tmp_path) == [".a.npz.lock", ".a.npz.original", ".a.npz.tmp-ABCD1234", ".b.npz.tmp-abcd1234", "a.npz"]
 
 

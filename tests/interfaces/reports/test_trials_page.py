@@ -4,8 +4,7 @@ from functools import partial
 
 import pytest
 
-from experiments.outputs.output_set import open_set
-from experiments.outputs.set_index import RUNS, SetIndex
+from experiments.outputs.output_set import RUNS, SetIndex, open_set
 from interfaces.reports.trials_page import trials_page
 from scripts.rig import write_report
 from skill.data.outcome import Outcome
