@@ -33,7 +33,7 @@ def main(
         typer.Argument(
             parser=parse_path,
             metavar="FILES",
-            help="Recordings: texts, .parquet .npz .mcap .db3 .h5 files, folders of a rosbag2 or a LeRobot data set.",
+            help="Recordings: texts, .parquet .npz .mcap .db3 .bag .h5 files, folders of a bag or a LeRobot data set.",
             show_default=False,
         ),
     ],
@@ -71,9 +71,7 @@ def main(
             shown="phase or label, if it is there",
         ),
     ] = None,
-    topic: Annotated[
-        str | None, text_option("TOPIC", "Topic of a rosbag2 or of MCAP files.", shown="the only WrenchStamped")
-    ] = None,
+    topic: Annotated[str | None, text_option("TOPIC", "Topic of a bag.", shown="the only WrenchStamped")] = None,
     feature: Annotated[
         str | None, text_option("NAME", "Feature of a LeRobot data set.", shown="the one with forces")
     ] = None,

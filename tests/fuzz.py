@@ -55,7 +55,7 @@ from skill.recordings.reading import read_recordings
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.skill_file import ARRAY_PARTS, FEATURE_PARTS, SKILL_PARAMETERS
 from tests import fuzz_mutations as mutations
-from tests.skill.recordings.messages.wrench_messages import cdr, write_db3, write_mcap
+from tests.skill.recordings.wrench_messages import cdr, write_db3, write_mcap
 from tests.trajectories import make_demonstration, make_rig_run
 
 MAX_MEMORY = 1e9  # bytes, more than before

@@ -9,16 +9,14 @@ from typing import Any
 
 from skill.recordings.column_table import ColumnChoice
 from skill.recordings.csv_file import read_csv_file
-from skill.recordings.fmb_file import refuse_npy_file
-from skill.recordings.messages.mcap_file import read_mcap_file
-from skill.recordings.messages.sqlite_bag import read_sqlite_bag
 from skill.recordings.npz_file import read_npz_file
 from skill.recordings.recording import Recording
 from skill.recordings.text_numbers import DECIMALS
 
 TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log", ".lvm")
 TABLES = (*TEXTS, ".parquet", ".pq", ".npz")
-"""Endings of the names of texts, and of all tables."""
+BAGS = (".mcap", ".db3", ".bag")
+"""Endings of the names of texts, of all tables, and of bags of ROS."""
 
 
 def read_recordings(
@@ -34,12 +32,12 @@ def read_recordings(
 ) -> list[Recording]:
     """Reads all recordings of a file or folder.
 
-    A table (CSV, Parquet, NPZ) is one recording, or one for each trial if it has a column of trials. An MCAP file, a
-    file of a rosbag2, or a folder of their parts, is one recording. A data set of LeRobot is one recording for each
+    A table (CSV, Parquet, NPZ) is one recording, or one for each trial if it has a column of trials. A bag of
+    ROS 1 or ROS 2, a file or a folder of its parts, is one recording. A data set of LeRobot is one recording for each
     episode, an HDF5 file of REASSEMBLE one for each action.
 
     Args:
-        path: file (``.csv .tsv .txt .parquet .pq .npz .mcap .db3 .h5``), or folder of a LeRobot data set or a rosbag2.
+        path: file (``.csv .tsv .txt .parquet .pq .npz .mcap .db3 .bag .h5``), or folder of a LeRobot data set or a bag.
         columns: list of texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N". Columns with usual
             names need none. See `skill.recordings.columns`. In a text, a column may be said by its number, from 1, and
             a text without names gets all of them in one, such as "time,fx,fy,fz". For messages, "time=log_time" takes
@@ -48,7 +46,7 @@ def read_recordings(
             for none.
         phase_column: column of a table or a data set with the phase of each row; None for one with a usual name,
             "" for none.
-        topic: topic of an MCAP file or a rosbag2; None for its only one of the type WrenchStamped.
+        topic: topic of a bag; None for its only one of the type WrenchStamped.
         feature: feature of a data set of LeRobot; None for the usual one.
         sampling_rate: rate of the rows of a text without a time, Hz.
         decimal: "." or ",", the decimal sign of a text; None where its numbers leave no doubt.
@@ -82,29 +80,22 @@ def read_recordings(
 def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
     """Reads the recordings with the options of `read_recordings`."""
     suffix = path.suffix.lower()
-    if path.is_dir():
-        if (path / "meta" / "info.json").is_file():
-            from skill.recordings.lerobot_folder import read_lerobot_folder  # needs an extra
+    if path.is_dir() and (path / "meta" / "info.json").is_file():
+        from skill.recordings.lerobot_folder import read_lerobot_folder  # needs an extra
 
-            return read_lerobot_folder(
-                path, **_chosen(path, options, {"columns", "phase_column", "feature"}, "a data set of LeRobot")
-            )
-        if any(path.glob("*.mcap")):
-            return read_mcap_file(path, **_chosen(path, options, {"topic", "columns"}, "MCAP files"))
-        if any(path.glob("*.db3")):
-            return read_sqlite_bag(path, **_chosen(path, options, {"topic", "columns"}, "a rosbag2"))
+        allowed = {"columns", "phase_column", "feature"}
+        return read_lerobot_folder(path, **_chosen(path, options, allowed, "a data set of LeRobot"))
+    if path.is_dir() and not any(file.name == "metadata.yaml" or file.suffix in BAGS for file in path.iterdir()):
         remedy = "; unpack its files with 'zstd -d' first" if any(path.glob("*.zstd")) else ""
-        raise ValueError(f"{path}: a folder without meta/info.json (LeRobot), *.mcap or *.db3 (rosbag2){remedy}")
-    if suffix == ".mcap":
-        return read_mcap_file(path, **_chosen(path, options, {"topic", "columns"}, "an MCAP file"))
-    if suffix == ".db3":
-        return read_sqlite_bag(path, **_chosen(path, options, {"topic", "columns"}, "a rosbag2"))
+        raise ValueError(f"{path}: a folder without meta/info.json (LeRobot) or {' '.join(BAGS)} (bags){remedy}")
+    if path.is_dir() or suffix in BAGS:
+        from skill.recordings.bag import read_bag  # needs an extra
+
+        return read_bag(path, **_chosen(path, options, {"topic", "columns"}, "a bag"))
     if suffix == ".h5":
         from skill.recordings.hdf5_file import read_hdf5_file  # needs an extra
 
         return read_hdf5_file(path, **_chosen(path, options, set(), "an HDF5 file"))
-    if suffix == ".npy":
-        refuse_npy_file(path)
     if suffix in TABLES:
         text = suffix in TEXTS
         allowed = {"columns", "trial_column", "phase_column", *(("sampling_rate", "decimal") if text else ())}
@@ -114,8 +105,8 @@ def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
 
             return read_parquet_file(path, choice)
         return (read_npz_file if suffix == ".npz" else read_csv_file)(path, choice)
-    remedy = "; convert a bag of ROS 1 to MCAP first" if suffix == ".bag" else ""
-    raise ValueError(f"{path}: ends in '{suffix}', expected {' '.join(TABLES)} .mcap .db3 .h5 or a folder{remedy}")
+    remedy = "; unpack it with 'zstd -d' first" if suffix in (".zst", ".zstd") else ""
+    raise ValueError(f"{path}: ends in '{suffix}', expected {' '.join((*TABLES, *BAGS))} .h5 or a folder{remedy}")
 
 
 def _chosen(path: Path, options: Mapping[str, Any], allowed: set[str], kind: str) -> dict[str, Any]:

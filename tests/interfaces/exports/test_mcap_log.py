@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
 from interfaces.exports.mcap_log import JSON_TYPES, POSE, SCHEMAS, WRENCH, recording_log
-from skill.recordings.messages.mcap_file import read_mcap_file
+from skill.recordings.bag import read_bag
 from tests.trajectories import make_demonstration, make_rig_run
 
 RECORDINGS = {"run": make_rig_run, "demonstration": make_demonstration}
@@ -100,7 +100,7 @@ def test_the_pose_of_the_hole_turns_about_the_pivot():
 def test_the_own_reader_reads_the_wrench_back(recording, tmp_path):
     path = tmp_path / "a.mcap"
     path.write_bytes(recording_log(recording).data)
-    [found] = read_mcap_file(path)
+    [found] = read_bag(path)
     np.testing.assert_array_equal(found.values, recording.samples[list(found.channels)])
     np.testing.assert_allclose(found.time, recording.samples["time"], rtol=0, atol=1e-9)
 

@@ -13,7 +13,7 @@ from skill.recordings import column_table, parquet_file
 from skill.recordings.column_table import ColumnChoice
 from skill.recordings.parquet_file import read_columns, read_parquet_file
 from tests.scripts.commands import run_python
-from tests.skill.recordings.messages.wrench_messages import series, write_db3
+from tests.skill.recordings.wrench_messages import series, write_db3
 
 
 def wrench(rows=300):

@@ -1,14 +1,15 @@
 """Every kind of file and folder goes to its reader; options without effect are refused."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from skill.recordings.reading import TABLES, TEXTS, read_recordings
-from tests.skill.recordings.messages.wrench_messages import cdr, write_db3, write_mcap
 from tests.skill.recordings.test_lerobot_folder import write
+from tests.skill.recordings.wrench_messages import cdr, write_db3, write_mcap
 
 TABLE = pd.DataFrame(
     {"t": np.arange(6) % 3 / 100, "a": np.arange(6.0), "fy": 1.0, "fz": 2.0, "part": [1, 1, 1, 2, 2, 2], "what": "x"}
@@ -52,28 +53,21 @@ def test_a_defect_names_the_folder_too(tmp_path):
         read_recordings(path, columns=["fx=b"])
 
 
-def test_mcap(tmp_path):
-    pytest.importorskip("mcap")
-    messages = [("/ft", k, cdr(k)) for k in range(3)] + [("/tool", k, cdr(k)) for k in range(4)]
-    write_mcap(tmp_path / "a.mcap", messages)
-    for path in (tmp_path / "a.mcap", tmp_path):
+@pytest.mark.parametrize(("suffix", "write_file"), {".mcap": write_mcap, ".db3": write_db3}.items())
+def test_bags(tmp_path, suffix, write_file):
+    write_file(
+        tmp_path / f"a{suffix}", [("/ft", k, cdr(k)) for k in range(3)] + [("/tool", k, cdr(k)) for k in range(4)]
+    )
+    for path in (tmp_path / f"a{suffix}", tmp_path):
         assert len(read_recordings(path, topic="/tool", columns=iter([]))[0].time) == 4
         for option in ("trial_column", "phase_column", "feature"):
-            with pytest.raises(ValueError, match=rf"\['{option}'\] cannot be chosen for (an )?MCAP file"):
+            with pytest.raises(ValueError, match=rf"\['{option}'\] cannot be chosen for a bag"):
                 read_recordings(path, **{option: "a"})
 
 
 def test_columns_are_a_list(tmp_path):
     with pytest.raises(ValueError, match=r"a\.csv: columns 'fx=a', expected a list of texts"):
         read_recordings(tmp_path / "a.csv", columns="fx=a")
-
-
-def test_rosbag2_in_sqlite(tmp_path):
-    write_db3(tmp_path / "a_0.db3", [("/ft", k, cdr(k)) for k in range(3)])
-    for path in (tmp_path / "a_0.db3", tmp_path):
-        assert len(read_recordings(path)[0].time) == 3
-        with pytest.raises(ValueError, match=r"\['feature'\] cannot be chosen for a rosbag2"):
-            read_recordings(path, feature="a")
 
 
 def test_lerobot(tmp_path):
@@ -86,21 +80,17 @@ def test_lerobot(tmp_path):
 
 
 def test_other_files_are_refused(tmp_path):
-    folder = "a folder without meta/info.json (LeRobot), *.mcap or *.db3 (rosbag2)"
+    folder = "a folder without meta/info.json (LeRobot) or .mcap .db3 .bag (bags)"
     with pytest.raises(ValueError, match=re.escape(folder) + "$"):
         read_recordings(tmp_path)
     (tmp_path / "bag_0.db3.zstd").touch()
     with pytest.raises(ValueError, match=re.escape(f"{folder}; unpack its files with 'zstd -d' first") + "$"):
         read_recordings(tmp_path)
-    message = (
-        "ends in '.xlsx', expected .csv .tsv .txt .dat .asc .log .lvm .parquet .pq .npz .mcap .db3 .h5 or a folder"
-    )
-    with pytest.raises(ValueError, match=re.escape(message) + "$"):
-        read_recordings("a.xlsx")
-    with pytest.raises(ValueError, match="ends in '', expected"):
-        read_recordings(tmp_path / "nothing")
-    with pytest.raises(ValueError, match=r"a folder; convert a bag of ROS 1 to MCAP first$"):
-        read_recordings("a.bag")
-    for suffix in (*TABLES, ".mcap", ".db3", ".h5", ".npy"):
+    expected = "expected .csv .tsv .txt .dat .asc .log .lvm .parquet .pq .npz .mcap .db3 .bag .h5 or a folder"
+    for name, remedy in (("a.xlsx", ""), ("a.npy", ""), ("a", ""), ("a.mcap.zstd", "; unpack it with 'zstd -d' first")):
+        message = f"{name}: ends in '{Path(name).suffix}', {expected}{remedy}"
+        with pytest.raises(ValueError, match=re.escape(message) + "$"):
+            read_recordings(name)
+    for suffix in (*TABLES, ".mcap", ".db3", ".bag", ".h5"):
         with pytest.raises(ValueError, match=rf"a\{suffix}: no such file$"):
             read_recordings(tmp_path / f"a{suffix}")

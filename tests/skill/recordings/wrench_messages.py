@@ -1,6 +1,5 @@
 """Messages of the type WrenchStamped, written byte by byte, and files of them."""
 
-import json
 import sqlite3
 import struct
 from contextlib import closing
@@ -22,12 +21,6 @@ def cdr(sec=12, nanosec=500_000_000, frame="ft_link", wrench=WRENCH, order="<"):
 def ros1(sec=12, nanosec=500_000_000, frame="ft_link", wrench=WRENCH):
     name = frame.encode()
     return struct.pack("<4I", 7, sec, nanosec, len(name)) + name + struct.pack("<6d", *wrench)
-
-
-def as_json(sec=12, nanosec=500_000_000, frame="ft_link", wrench=WRENCH, fraction="nanosec"):
-    force, torque = (dict(zip("xyz", part, strict=True)) for part in (wrench[:3], wrench[3:]))
-    header = {"stamp": {"sec": sec, fraction: nanosec}, "frame_id": frame}
-    return json.dumps({"header": header, "wrench": {"force": force, "torque": torque}}).encode()
 
 
 def series(count=50, write=cdr, topic="/ft", rate=100, start=START):
@@ -93,3 +86,17 @@ def write_db3(path, messages, *, encoding="cdr", kind="geometry_msgs/msg/WrenchS
             database.execute(
                 "INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", [topics[topic], logged, data]
             )
+
+
+def write_bag(path, messages):
+    """Writes messages of ROS 1 (topic, log time in ns, bytes) with the writer of the package rosbags."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    connections = {}
+    with Writer(path) as writer:
+        for topic, logged, data in messages:
+            if topic not in connections:
+                kind = "sensor_msgs/msg/Image" if topic == "/camera" else "geometry_msgs/msg/WrenchStamped"
+                connections[topic] = writer.add_connection(topic, kind, typestore=get_typestore(Stores.ROS1_NOETIC))
+            writer.write(connections[topic], logged, data)

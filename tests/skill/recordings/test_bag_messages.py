@@ -1,25 +1,26 @@
-"""Clocks, missing values and publishers of the messages of a topic, in MCAP and in SQLite alike."""
+"""Clocks, missing values and publishers of the messages of a topic, in bags of every kind alike."""
 
 import re
 
 import numpy as np
 import pytest
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
 
 from skill.recordings.reading import read_recordings
-from tests.skill.recordings.messages.wrench_messages import START, as_json, cdr, messages, ros1, write_db3, write_mcap
+from tests.skill.recordings.wrench_messages import START, cdr, messages, ros1, write_bag, write_db3, write_mcap
 
 TIME = START + np.arange(50) / 100
-WRITERS = {".mcap": write_mcap, ".db3": write_db3}
+WRITERS = {".mcap": (write_mcap, cdr), ".db3": (write_db3, cdr), ".bag": (write_bag, ros1)}
 
 
 @pytest.fixture(params=WRITERS)
 def write(request, tmp_path):
-    if request.param == ".mcap":
-        pytest.importorskip("mcap")
+    writer, encode = WRITERS[request.param]
 
-    def write_file(*parts, **options):
+    def write_file(*parts):
         path = tmp_path / f"a{request.param}"
-        WRITERS[request.param](path, [m for part in parts for m in part], **options)
+        writer(path, [m for options in parts for m in messages(**options, write=encode)])
         return path
 
     return write_file
@@ -36,7 +37,7 @@ def sim(start, step=0.01):
 @pytest.mark.parametrize("unset", [1, 2, 30])
 def test_messages_before_the_first_stamp_are_left_out_with_a_word(write, unset):
     stamps = np.where(np.arange(50) < unset, 0, TIME)
-    path = write(messages(stamps, TIME + 0.001))
+    path = write({"stamps": stamps, "logged": TIME + 0.001})
     with pytest.warns(UserWarning, match=rf"a\.\w+: topic '/ft': {unset} of 50 messages left out, .* no time stamp"):
         [found] = read_recordings(path)
     np.testing.assert_allclose(found.time, TIME[unset:], rtol=0, atol=1e-6)
@@ -48,7 +49,7 @@ def test_messages_before_the_first_stamp_are_left_out_with_a_word(write, unset):
 @pytest.mark.parametrize("start", [0.0, 0.5, 1e5])
 def test_a_simulation_has_its_own_clock_which_may_begin_at_zero(write, start, recwarn):
     stamps, logged = sim(start)
-    [found] = read_recordings(write(messages(stamps, logged)))
+    [found] = read_recordings(write({"stamps": stamps, "logged": logged}))
     np.testing.assert_allclose(found.time, stamps, rtol=0, atol=1e-9)
     assert not recwarn
 
@@ -72,7 +73,7 @@ CLOCKS = {  # stamps, and what the message says
 @pytest.mark.parametrize("name", CLOCKS)
 def test_stamps_of_several_clocks_are_refused_and_the_remedy_works(write, name):
     stamps, message = CLOCKS[name]
-    path = write(messages(stamps, TIME + 0.001))
+    path = write({"stamps": stamps, "logged": TIME + 0.001})
     with pytest.raises(ValueError, match=rf"a\.\w+: topic '/ft': the header stamps .*{message}") as refused:
         read_recordings(path)
     assert "\n" not in str(refused.value)
@@ -85,7 +86,7 @@ def test_stamps_of_several_clocks_are_refused_and_the_remedy_works(write, name):
 def test_messages_that_were_logged_late_are_sorted_by_their_stamps(write, recwarn):
     logged = TIME + 0.001 + np.where(np.arange(50) % 7 == 3, 0.025, 0)
     assert (np.diff(logged) < 0).any()
-    [found] = read_recordings(write(messages(TIME, logged)))
+    [found] = read_recordings(write({"stamps": TIME, "logged": logged}))
     np.testing.assert_allclose(found.time, TIME, rtol=0, atol=1e-6)
     np.testing.assert_array_equal(found.values[:, 0], np.arange(50))
     assert not recwarn
@@ -93,8 +94,8 @@ def test_messages_that_were_logged_late_are_sorted_by_their_stamps(write, recwar
 
 def test_messages_that_are_there_twice_count_once(write):
     path = write(
-        messages(TIME, TIME + 0.001),
-        messages(TIME[10:20], TIME[10:20] + 0.003, np.arange(10, 20)[:, None] + np.arange(6)),
+        {"stamps": TIME, "logged": TIME + 0.001},
+        {"stamps": TIME[10:20], "logged": TIME[10:20] + 0.003, "wrenches": np.arange(10, 20)[:, None] + np.arange(6)},
     )
     with pytest.warns(UserWarning, match="10 of 60 messages left out, which have the stamp and the values of another"):
         [found] = read_recordings(path)
@@ -102,7 +103,7 @@ def test_messages_that_are_there_twice_count_once(write):
 
 
 def test_what_no_message_has_cannot_be_chosen(write):
-    path = write(messages(TIME))
+    path = write({"stamps": TIME})
     with pytest.raises(ValueError, match=r"no column 'publish'; columns are \['log_time', 'stamp', 'fx'"):
         read_recordings(path, columns=["time=publish"])
 
@@ -110,12 +111,11 @@ def test_what_no_message_has_cannot_be_chosen(write):
 # ----------------------------------------------------------- missing values
 
 
-@pytest.mark.parametrize(("encoding", "encode"), [("cdr", cdr), ("ros1", ros1), ("json", as_json)])
 @pytest.mark.parametrize("gone", [[0, 1, 2], [49], [20, 21]])
-def test_messages_without_values_are_left_out_with_a_word(write, encoding, encode, gone):
+def test_messages_without_values_are_left_out_with_a_word(write, gone):
     wrenches = np.arange(50)[:, None] + np.arange(6.0)
     wrenches[gone] = np.nan
-    path = write(messages(TIME, wrenches=wrenches, write=encode), encoding=encoding)
+    path = write({"stamps": TIME, "wrenches": wrenches})
     with pytest.warns(UserWarning, match=rf"{len(gone)} of 50 messages left out, which have no values \(NaN\)"):
         [found] = read_recordings(path)
     np.testing.assert_array_equal(found.values, np.delete(wrenches, gone, axis=0))
@@ -126,11 +126,11 @@ def test_messages_without_some_values_or_all_are_refused_as_rows_of_a_table_are(
     wrenches = np.arange(50)[:, None] + np.arange(6.0)
     wrenches[7:9, 4] = np.nan
     with pytest.raises(ValueError, match=r"a\.\w+: column 'my' has no value in message 7 \(2 such rows\)"):
-        read_recordings(write(messages(TIME, wrenches=wrenches)))
+        read_recordings(write({"stamps": TIME, "wrenches": wrenches}))
 
 
 def test_messages_all_without_values_are_refused(write):
-    path = write(messages(TIME, wrenches=np.full((50, 6), np.nan)))
+    path = write({"stamps": TIME, "wrenches": np.full((50, 6), np.nan)})
     with pytest.warns(UserWarning, match="50 of 50"), pytest.raises(ValueError, match=r"a\.\w+: no samples; expected"):
         read_recordings(path)
 
@@ -140,7 +140,7 @@ def test_messages_all_without_values_are_refused(write):
 
 @pytest.mark.parametrize("frames", [["left", "right"] * 25, ["left"] * 25 + ["right"] * 25, [""] + ["right"] * 49])
 def test_messages_of_several_frames_are_refused(write, frames):
-    path = write(messages(TIME, frames=frames))
+    path = write({"stamps": TIME, "frames": frames})
     with pytest.raises(
         ValueError, match=rf"messages of the frames \['{min(frames)}', 'right'\], expected those of one"
     ):
@@ -152,32 +152,27 @@ def test_the_frame_of_messages_that_are_left_out_does_not_count_nor_does_a_slash
     wrenches = np.arange(50)[:, None] + np.arange(6.0)
     wrenches[0] = np.nan
     with pytest.warns(UserWarning, match="no values"):
-        [found] = read_recordings(write(messages(TIME, frames=frames, wrenches=wrenches)))
+        [found] = read_recordings(write({"stamps": TIME, "frames": frames, "wrenches": wrenches}))
     assert len(found.time) == 49
 
 
 def two_publishers(path, first, second):
-    """Two connections of one topic, as a converted bag of ROS 1 has them; the time of logging decides the order."""
-    from mcap.writer import Writer
-
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start()
-        schema = writer.register_schema("geometry_msgs/msg/WrenchStamped", "ros2msg", b"")
+    """Two connections of one topic, as bags of ROS 1 have them; the time of logging decides the order."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer(path) as writer:
         for name, part in (("/node_1", first), ("/node_2", second)):
-            channel = writer.register_channel("/ft", "cdr", schema, metadata={"callerid": name})
-            for _, log_time, data in part:
-                writer.add_message(channel, log_time=log_time, publish_time=log_time, data=data)
-        writer.finish()
+            connection = writer.add_connection(
+                "/ft", "geometry_msgs/msg/WrenchStamped", typestore=store, callerid=name, latching=0
+            )
+            for _, logged, data in part:
+                writer.write(connection, logged, data)
     return path
 
 
 def test_publishers_at_the_same_time_are_refused_and_one_after_the_other_are_not(tmp_path):
-    pytest.importorskip("mcap")
-    path = two_publishers(tmp_path / "a.mcap", messages(TIME), messages(TIME + 0.004))
-    with pytest.raises(
-        ValueError, match=r"messages of \['/node_1', '/node_2'\] at the same time, expected one publisher"
-    ):
+    path = two_publishers(tmp_path / "a.bag", messages(TIME, write=ros1), messages(TIME + 0.004, write=ros1))
+    message = r"messages of \['/node_1', '/node_2'\] at the same time, expected one publisher"
+    with pytest.raises(ValueError, match=message):
         read_recordings(path)
-    path = two_publishers(tmp_path / "b.mcap", messages(TIME), messages(TIME + 2))
+    path = two_publishers(tmp_path / "b.bag", messages(TIME, write=ros1), messages(TIME + 2, write=ros1))
     assert len(read_recordings(path)[0].time) == 100
