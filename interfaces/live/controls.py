@@ -1,23 +1,23 @@
 """Buttons, sliders and gamepad of the page, with the methods of Drake's Meshcat for them.
 
-Frames from a browser are not trusted: whatever is not a well-formed event of a known control is ignored.
+What is not a well-formed event of a known control is ignored: a frame of a browser neither stops nor moves anything
+that the page has no control for.
 """
 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeGuard
+from typing import Any
 
 import umsgpack
 
 from interfaces.live.messages import Outbox
 
-MAX_FRAME = 4096  # in units of bytes; the largest event, of a gamepad, has a few hundred
-MAX_AXES = 32  # axes of a gamepad
-UNREADABLE = (umsgpack.UnpackException, OverflowError, RecursionError)  # from a date, and from deep nesting
+JUNK = (umsgpack.UnpackException, LookupError, TypeError, ValueError, ArithmeticError, RecursionError)
+"""Errors from a frame that is no event of a known control."""
+
 # What the page sends; Drake's page evaluates these functions in the browser.
 BUTTON = "() => this.connection.send(msgpack.encode({'type': 'button', 'name': %s}))"
 SLIDER = "value => this.connection.send(msgpack.encode({'type': 'slider', 'name': %s, 'value': value}))"
@@ -60,8 +60,8 @@ class LiveControls:
 
     def __init__(self, outbox: Outbox) -> None:
         self._outbox = outbox
-        self._clicks: dict[str, int] = {}
-        self._handled: dict[str, int] = {}
+        self._buttons: set[str] = set()
+        self._clicked: set[str] = set()  # the buttons with a click that has not been handled
         self._sliders: dict[str, Slider] = {}
         self._gamepad = Gamepad()
         self._gamepad_browser: int | None = None
@@ -73,26 +73,23 @@ class LiveControls:
 
     def AddButton(self, name: str, keycode: str) -> None:
         """Adds a button and its key."""
-        self._clicks[name] = self._handled[name] = 0
+        self._buttons.add(name)
         self._show(name, callback=BUTTON % json.dumps(name), keycode1=keycode)
 
-    def GetButtonClicks(self, name: str) -> int:
-        """Returns the number of clicks since the button was added."""
-        return self._clicks[name]
-
     def clicked(self, name: str) -> bool:
-        """Whether a button has been clicked since the last call for it: every click is handled once."""
-        before, self._handled[name] = self._handled[name], self._clicks[name]
-        return self._handled[name] != before
+        """Whether a button has been clicked since the last call for it."""
+        is_clicked = name in self._clicked
+        if is_clicked:
+            self._clicked.discard(name)
+        return is_clicked
 
     def any_waiting(self, *names: str) -> bool:
         """Whether one of the buttons has been clicked; the click still counts for `clicked`."""
-        return any(self._clicks[name] != self._handled[name] for name in names)
+        return not self._clicked.isdisjoint(names)
 
     def forget_clicks(self, *names: str) -> None:
         """Ignores all clicks on the buttons so far."""
-        for name in names:
-            self.clicked(name)
+        self._clicked.difference_update(names)
 
     def AddSlider(
         self, name: str, low: float, high: float, step: float, value: float, decrement_key: str, increment_key: str
@@ -121,29 +118,14 @@ class LiveControls:
         """Returns the state of the gamepad."""
         return self._gamepad
 
-    def receive(self, frame: str | bytes, browser: int) -> bool:
-        """Handles a frame of a browser; returns whether it was an event of a known control, and ignores it if not."""
-        if not isinstance(frame, bytes) or len(frame) > MAX_FRAME:
-            return False
+    def receive(self, frame: str | bytes, browser: int) -> None:
+        """Handles a frame of a browser if it is an event of a known control."""
         try:
-            event = umsgpack.unpackb(frame)
-        except UNREADABLE:
-            return False
-        if not isinstance(event, dict):
-            return False
-        name, value = event.get("name"), event.get("value")
-        match event.get("type"):
-            case "button" if isinstance(name, str) and name in self._clicks:
-                self._clicks[name] += 1
-                return True
-            case "slider" if isinstance(name, str) and name in self._sliders and _is_number(value):
-                self.SetSliderValue(name, value, source=browser)
-                self._sliders[name].moves += 1  # after the value: who sees the move sees the value too
-                self._after_motion()
-                return True
-            case "gamepad":
-                return self._receive_gamepad(event.get("gamepad"), browser)
-        return False
+            is_motion = self._take(umsgpack.unpackb(frame), browser)
+        except JUNK:
+            return
+        if is_motion:
+            self._after_motion()
 
     def forget(self, browser: int) -> None:
         """Removes the gamepad of a browser that has gone: nobody holds its sticks any more."""
@@ -151,28 +133,23 @@ class LiveControls:
             self._gamepad, self._gamepad_browser = Gamepad(), None
             self._after_motion()
 
-    def _receive_gamepad(self, pad: Any, browser: int) -> bool:
-        if pad == {}:  # disconnected
-            self.forget(browser)
-            return True
-        if not isinstance(pad, dict):
-            return False
-        index, axes = pad.get("index"), pad.get("axes")
-        if type(index) is not int or not isinstance(axes, list) or len(axes) > MAX_AXES:
-            return False
-        if not all(_is_number(axis) and abs(axis) <= 1.0 for axis in axes):
-            return False
-        self._gamepad, self._gamepad_browser = Gamepad(index, tuple(float(axis) for axis in axes)), browser
-        self._after_motion()
-        return True
+    def _take(self, event: dict[str, Any], browser: int) -> bool:
+        """Takes an event of the page; returns whether it is a motion. One of `JUNK` is raised if it is no event."""
+        match event["type"]:
+            case "button" if event["name"] in self._buttons:
+                self._clicked.add(event["name"])
+            case "slider":
+                self.SetSliderValue(event["name"], event["value"], source=browser)
+                self._sliders[event["name"]].moves += 1  # after the value: who sees the move sees the value too
+                return True
+            case "gamepad" if event["gamepad"] == {}:  # disconnected
+                self.forget(browser)
+            case "gamepad" if all(abs(axis) <= 1.0 for axis in event["gamepad"]["axes"]):
+                pad = event["gamepad"]
+                self._gamepad = Gamepad(int(pad["index"]), tuple(float(axis) for axis in pad["axes"]))
+                self._gamepad_browser = browser
+                return True
+        return False
 
     def _show(self, name: str, **properties: Any) -> None:
         self._outbox.put(("control", name), umsgpack.packb({"type": "set_control", "name": name, **properties}))
-
-
-def _is_number(value: Any) -> TypeGuard[float]:
-    """Whether a value is a finite number that fits a float."""
-    try:
-        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    except OverflowError:
-        return False

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
 from errno import EADDRINUSE
 from pathlib import Path
 from typing import Any
 
 from pydrake.common import FindResourceOrThrow
-from tornado.netutil import bind_sockets
 
-from interfaces.live.access import LOCAL_HOST, Access, exposure_warning, page_host
 from interfaces.live.controls import LiveControls
 from interfaces.live.messages import Outbox
-from interfaces.live.server import LiveServer, Site
+from interfaces.live.server import LOCAL_HOST, LiveServer, exposure_warning, page_host
 from interfaces.live.viewer_scene import ViewerScene
 
 PANEL = Path(__file__).with_name("panel")
@@ -45,40 +42,27 @@ class LivePage:
     """
 
     def __init__(self, *, host: str, port: int) -> None:
-        self._host, self._port = host, port
-        self._warning = exposure_warning(host)
+        self._port, self._warning = port, exposure_warning(host)
         self._values: dict[str, Any] = {}
         messages, self._panel = Outbox(), Outbox()
         self.scene, self.controls = ViewerScene(messages), LiveControls(messages)
         viewer = Path(FindResourceOrThrow("drake/geometry/meshcat.js")).read_bytes()
-        self._site = Site(
-            access=Access(host),
-            files={"": ("text/html; charset=utf-8", page_source()), "meshcat.js": ("text/javascript", viewer)},
-            scene=messages,
-            panel=self._panel,
-            receive=self.controls.receive,
-            leave=self.controls.forget,
-        )
-        self._server = LiveServer(self._site, bind_sockets(port, address=host))
+        files = {"": ("text/html; charset=utf-8", page_source()), "meshcat.js": ("text/javascript", viewer)}
+        self._server = LiveServer(host, port, files=files, scene=messages, panel=self._panel, controls=self.controls)
 
     @property
     def address(self) -> str:
         """The address of the page for a browser on this machine. Anyone who knows it controls the session."""
-        return f"http://{page_host(self._host)}:{self._port}/{self._site.access.token}/"
+        return f"http://{page_host(self._server.host)}:{self._port}/{self._server.token}/"
 
     @property
     def is_shown(self) -> bool:
         """Whether a browser shows the page."""
-        return bool(self._site.pages)
+        return bool(self._server.pages)
 
     def announcement(self) -> list[str]:
         """Returns lines for the console: the address, and a warning if others can reach the page."""
         return [f"open {self.address} in a browser", *([self._warning] if self._warning else [])]
-
-    def refusals(self) -> str | None:
-        """Returns one line with the numbers of refused requests and ignored frames, or None if there were none."""
-        counts = sorted(self._site.refused.items())
-        return "refused or ignored: " + ", ".join(f"{kind} {number}" for kind, number in counts) if counts else None
 
     def show(self, **values: Any) -> None:
         """Changes the given values of the panel; panel/readings.js lists their names and units."""
@@ -98,23 +82,18 @@ def page_source() -> bytes:
     Raises:
         ValueError: if the page of the installed Drake lacks the expected places for the additions.
     """
+    panel = (PANEL / "panel.html").read_text(encoding="utf-8")
+    for mark, names in (("{{styles}}", STYLES), ("{{scripts}}", SCRIPTS)):
+        panel = panel.replace(mark, "\n".join((PANEL / name).read_text(encoding="utf-8") for name in names))
     path = Path(FindResourceOrThrow("drake/geometry/meshcat.html"))
     text = path.read_text(encoding="utf-8")
-    for mark, replacement in (("<head>", f"<head>{HEAD}"), ("</body>", f"{_panel_source()}</body>")):
+    for mark, replacement in (("<head>", f"<head>{HEAD}"), ("</body>", f"{panel}</body>")):
         if text.count(mark) != 1:
             raise ValueError(
                 f"{path}: unsupported version of Drake: '{mark}' occurs {text.count(mark)} times, expected 1"
             )
         text = text.replace(mark, replacement)
     return text.encode()
-
-
-def _panel_source() -> str:
-    """Returns the panel with its styles and scripts."""
-    text = (PANEL / "panel.html").read_text(encoding="utf-8")
-    for mark, names in (("{{styles}}", STYLES), ("{{scripts}}", SCRIPTS)):
-        text = text.replace(mark, "\n".join((PANEL / name).read_text(encoding="utf-8") for name in names))
-    return text
 
 
 def open_live_page(*, host: str = LOCAL_HOST, port: int | None = None) -> LivePage:
@@ -130,8 +109,7 @@ def open_live_page(*, host: str = LOCAL_HOST, port: int | None = None) -> LivePa
     """
     if port is not None and not 1 <= port <= MAX_PORT:
         raise ValueError(f"port is {port}, expected 1 to {MAX_PORT}")
-    candidates: Iterable[int] = PORTS if port is None else (port,)
-    for candidate in candidates:
+    for candidate in PORTS if port is None else (port,):
         try:
             return LivePage(host=host, port=candidate)
         except OSError as error:

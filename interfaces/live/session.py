@@ -117,9 +117,6 @@ class LiveSession:
                 time.sleep(IDLE_PERIOD)
         finally:
             self._close_servo()
-            refusals = self._page.refusals()
-            if refusals is not None:
-                self._announce(refusals)
         return self.kept
 
     def _has_left(self) -> bool:

@@ -56,12 +56,14 @@ class RawClient:
 
 
 def answer(connection):
-    """Status and body of the answer on a connection that the server closes after it."""
+    """Status and body of the answer on a connection: until its end, or until the connection is closed."""
     data = b""
     try:
         while part := connection.recv(65536):
             data += part
-            if data.startswith(b"HTTP/1.1 101 "):
+            head, _, body = data.partition(b"\r\n\r\n")
+            length = re.search(rb"(?i)content-length: (\d+)", head)
+            if data.startswith(b"HTTP/1.1 101 ") or (length and len(body) >= int(length[1]) and b" 40" in head):
                 break
     except ConnectionResetError:
         pass  # the server has closed the connection before it read everything

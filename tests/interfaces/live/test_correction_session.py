@@ -31,15 +31,12 @@ class OpenPage:
         outbox = Outbox()
         self.scene, self.controls = ViewerScene(outbox), LiveControls(outbox)
 
-    def refusals(self):
-        return None
-
     def show(self, **values):
         self.values |= values
         self.messages += [values["status"]] if "status" in values else []
 
     def click(self, label):
-        self.controls._clicks[label] += 1
+        self.controls._clicked.add(label)
 
 
 @pytest.fixture

@@ -86,7 +86,7 @@ def test_foreign_pages_press_no_button_and_the_right_address_works_as_before(tmp
             page.driver.get(address)
             wait_for_text(page, "status", "ready")
             page.wait("document.body.innerText.includes('view of the cut (1)')")
-            for junk in ("''", "'quit'", "new Uint8Array(0)", "new Uint8Array([193, 255])", "new Uint8Array(60000)"):
+            for junk in ("''", "'quit'", "new Uint8Array(0)", "new Uint8Array([193, 255])", "new Uint8Array(4000)"):
                 page.run(f"viewer.connection.send({junk})")
             page.run(
                 "viewer.connection.send(MeshCat.msgpack.encode({type: 'slider', name: 'depth mm (S W)', value: NaN}))"
@@ -109,11 +109,6 @@ def test_foreign_pages_press_no_button_and_the_right_address_works_as_before(tmp
             session.wait_for("kept 000_good_live.parquet")
             press(page, "q")
             assert session.process.wait(30) == 0
-        counts = session.wait_for("refused or ignored: (.*)").group(1)
-        counts = {kind: int(number) for kind, number in re.findall(r"(\w[\w ]+) (\d+)", counts)}
-        assert counts.pop("foreign Host header") >= 2  # the browser may ask for an icon too
-        assert counts.pop("missing or wrong token") >= 3
-        assert counts == {"broken connection": 1, "foreign Origin header": 5, "junk frame": 7}
         log = session.wait_for("[\\s\\S]*").group()
         assert log.count("recording:") == 2
         assert "Traceback" not in log
@@ -143,9 +138,7 @@ def test_a_session_listens_at_one_port_and_warns_if_others_reach_it(tmp_path, ho
         session.wait_for("ready: press Space")
         assert listening(session.process.pid) == [(host or "127.0.0.1", urlsplit(session.address()).port)]
         log = session.wait_for("[\\s\\S]*").group()
-        warned = re.search(
-            r"warning: the page listens on all network interfaces .* everyone in any of its networks", log
-        )
+        warned = re.search(r"warning: the page listens on 0.0.0.0: others in its network can reach it", log)
         assert bool(warned) == bool(host)
 
 
