@@ -15,13 +15,9 @@ from interfaces.live.server import LOCAL_HOST, LiveServer, exposure_warning, pag
 from interfaces.live.viewer_scene import ViewerScene
 
 PANEL = Path(__file__).with_name("panel")
-STYLES = ("panel.css", "small.css")
 # The first one serves the others.
-SCRIPTS = ("panel.js", "readings.js", "pictures.js", "sound.js", "rumble.js", "touch.js", "guide.js")
-HEAD = (
-    '<link rel="icon" href="data:,">'  # without it a browser asks for one, at an address without the token
-    '<meta name="viewport" content="width=device-width, initial-scale=1">'  # a phone would show it as a desktop
-)
+SCRIPTS = ("panel.js", "readings.js", "pictures.js", "guide.js")
+HEAD = '<link rel="icon" href="data:,">'  # without it a browser asks for one, at an address without the token
 PORTS = range(7100, 7200)  # tried one after another if no port is given
 MAX_PORT = 65535
 
@@ -83,7 +79,7 @@ def page_source() -> bytes:
         ValueError: if the page of the installed Drake lacks the expected places for the additions.
     """
     panel = (PANEL / "panel.html").read_text(encoding="utf-8")
-    for mark, names in (("{{styles}}", STYLES), ("{{scripts}}", SCRIPTS)):
+    for mark, names in (("{{styles}}", ("panel.css",)), ("{{scripts}}", SCRIPTS)):
         panel = panel.replace(mark, "\n".join((PANEL / name).read_text(encoding="utf-8") for name in names))
     path = Path(FindResourceOrThrow("drake/geometry/meshcat.html"))
     text = path.read_text(encoding="utf-8")

@@ -6,14 +6,11 @@
   const HIGH = 0.6;  // share of the limit above which the load is high
   const SEEN = "live-guide-seen";  // kept by the browser
   const STEPS = ["touch", "level", "insert"];
-  // Each hint: the key's code, its cap, and what has its place on a touch screen.
-  const HINTS = {
-    Space: ["Space", "start"], KeyW: ["W", "feed in"], KeyS: ["S", "retract"],
-    ArrowLeft: ["←", "tilt: left"], ArrowRight: ["→", "tilt: right"],
-    ArrowUp: ["↑", "tilt: up"], ArrowDown: ["↓", "tilt: down"],
-    KeyG: ["G", "keep good"], KeyB: ["B", "keep bad"], KeyX: ["X", "discard"],
+  // The cap of a key by its code.
+  const CAPS = {
+    Space: "Space", KeyW: "W", KeyS: "S", ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓",
+    KeyG: "G", KeyB: "B", KeyX: "X",
   };
-  const isTouch = matchMedia("(pointer: coarse)");
   let step = null;  // one of STEPS, "keep", or null while the guide is hidden
   let values = {}, wasInserted = false;
 
@@ -63,17 +60,13 @@
     return [`Feed in to the full depth: ${left} mm to go.`, ["KeyW"]];
   }
 
-  /** Shows the keys, and marks their places on a touch screen. */
+  /** Shows the keys. */
   function showHints(codes) {
     byId("guide-keys").replaceChildren(...codes.map(code => {
-      const cap = document.createElement(isTouch.matches ? "b" : "kbd");
-      cap.textContent = HINTS[code][isTouch.matches ? 1 : 0];
+      const cap = document.createElement("kbd");
+      cap.textContent = CAPS[code];
       return cap;
     }));
-    for (const element of document.querySelectorAll("[data-key], [data-keys]")) {
-      const own = (element.dataset.key || element.dataset.keys).split(" ");
-      element.classList.toggle("hinted", own.some(code => codes.includes(code)));
-    }
   }
 
   function show() {
@@ -102,7 +95,6 @@
 
   onButton("guide-show", "KeyH", begin);
   onButton("guide-skip", "Escape", end);
-  isTouch.addEventListener("change", show);
   onValues(received => {
     values = received;
     if (step === null || !values.depth) return;

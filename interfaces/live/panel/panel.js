@@ -31,11 +31,6 @@ const livePanel = (function () {
     });
   }
 
-  /** Presses a key of the controls. */
-  function press(code) {
-    window.dispatchEvent(new KeyboardEvent("keydown", {code}));
-  }
-
   /** Text with a fixed number of digits; never "-0". */
   function formatNumber(value, digits) {
     return (Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits);
@@ -66,5 +61,5 @@ const livePanel = (function () {
   };
   server.onerror = () => show({status: "no connection to the session", phase: "over"});
 
-  return {TOUCH_LOAD, byId, onButton, press, formatNumber, onValues, contactLoad, isInserted};
+  return {TOUCH_LOAD, byId, onButton, formatNumber, onValues, contactLoad, isInserted};
 })();

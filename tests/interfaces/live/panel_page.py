@@ -1,4 +1,4 @@
-"""The live page in a browser, with values that a test feeds; checks of what it shows on screens of several sizes."""
+"""The live page in a browser, with values that a test feeds; checks of what it shows on a screen."""
 
 import time
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ from systems.operators.person_frame import hand_pose
 from tests.browser import Page, open_page
 from tests.interfaces.live.live_session import SIZE, text_of
 
-DESKTOP, LOW, PHONE = (1280, 720, False), (844, 390, False), (844, 390, True)  # width, height, touch
+DESKTOP = (1280, 720)  # width, height
 LIMIT = 40.0  # of the force guard, N
 SKILL = {
     "state": "two-point contact",
@@ -33,7 +33,7 @@ FLAWS = """
   const over = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
   const inside = (a, b) => a.left > b.left - 1 && a.right < b.right + 1 && a.top > b.top - 1 && a.bottom < b.bottom + 1;
   const page = {left: 0, top: 0, right: innerWidth, bottom: innerHeight};
-  const found = [], ids = ["status", "slow", "card", "feed", "controls", "choices", "guide", "pads", "strip"];
+  const found = [], ids = ["status", "slow", "card", "controls", "guide", "strip"];
   const parts = ids.map(id => document.getElementById(id)).filter(shown);
   parts.forEach((a, k) => {
     if (!inside(box(a), page)) found.push(a.id + " is partly outside the window");
@@ -61,7 +61,7 @@ FLAWS = """
 
   const readings = ["force", "moment", "depth", "gauge-text", "contact-load", "contact-peak", "contact-limit",
     "contact-note", "dial", "skill-state", "skill-feed", "skill-rate", "rate", "pictures", "kept", "status",
-    "sound-state", "guide-show", "guide-text", "guide-skip"];
+    "guide-show", "guide-text", "guide-skip"];
   for (const id of readings) {
     const element = document.getElementById(id), panel = element.closest(".panel");
     if (!shown(element)) continue;
@@ -69,7 +69,7 @@ FLAWS = """
     text.selectNodeContents(element);
     if (!inside(box(text), box(panel))) found.push(id + " is cut off");
   }
-  for (const element of document.querySelectorAll("#overlay .touch button, #card td, .spread")) {
+  for (const element of document.querySelectorAll("#card td, .spread")) {
     const isCut = element.scrollWidth > element.clientWidth + 1;
     if (shown(element) && isCut) found.push(element.textContent + " is cut off");
   }
@@ -109,24 +109,12 @@ class Panel:
         """The keys or touch controls that the guide shows."""
         return self.page.run("return [...document.getElementById('guide-keys').children].map(e => e.textContent)")
 
-    def screen(self, width, height, touch):
+    def screen(self, width, height):
         """Changes the screen."""
-        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": touch}
+        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-        emulation = {"enabled": touch, **({"maxTouchPoints": 2} if touch else {})}
-        self.page.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", emulation)
-        self.page.wait(f"innerWidth === {width} && matchMedia('(pointer: coarse)').matches === {str(touch).lower()}")
+        self.page.wait(f"innerWidth === {width}")
         time.sleep(0.3)  # the picture follows
-
-    def fingers(self, kind, *points):
-        """Sends a touch event of a kind with fingers at points (x, y)."""
-        event = {"type": kind, "touchPoints": [{"x": x, "y": y} for x, y in points]}
-        self.page.driver.execute_cdp_cmd("Input.dispatchTouchEvent", event)
-
-    def middle(self, selector):
-        """The middle of an element."""
-        script = "const b = document.querySelector(arguments[0]).getBoundingClientRect();"
-        return self.page.run(script + "return [(b.left + b.right) / 2, (b.top + b.bottom) / 2]", selector)
 
 
 def readings(*, depth=0.0, tilt=(0.0, 0.0)):

@@ -1,4 +1,4 @@
-"""The guide of the first demonstration and the sound, in a real browser."""
+"""The guide of the first demonstration, in a real browser."""
 
 import time
 
@@ -12,24 +12,12 @@ from tests.interfaces.live.panel_page import DESKTOP, LIMIT, contact, open_panel
 
 pytestmark = pytest.mark.slow
 SCENARIO = ROOT / "models" / "scenarios" / "live.yaml"
-NO_GESTURE = "--autoplay-policy=user-gesture-required"
 CAPS = {"←": Keys.ARROW_LEFT, "→": Keys.ARROW_RIGHT, "↑": Keys.ARROW_UP, "↓": Keys.ARROW_DOWN, "Space": " "}
-# Root mean square of the sound, its strongest frequency (Hz), and the share of its power above 1.5 times that.
-SOUND = """
-  const analyser = livePanel.analyser, wave = new Float32Array(analyser.fftSize);
-  const bins = new Float32Array(analyser.frequencyBinCount);
-  analyser.getFloatTimeDomainData(wave);
-  analyser.getFloatFrequencyData(bins);
-  const powers = [...bins].map(level => 10 ** (level / 10)), peak = powers.indexOf(Math.max(...powers));
-  const sum = list => list.reduce((a, b) => a + b, 0);
-  return [Math.sqrt(sum([...wave].map(x => x * x)) / wave.length),
-    peak * analyser.context.sampleRate / analyser.fftSize, sum(powers.slice(Math.ceil(1.5 * peak))) / sum(powers)];
-"""
 
 
 @pytest.fixture(scope="module")
 def panel():
-    with open_panel(flags=(NO_GESTURE,)) as panel:
+    with open_panel() as panel:
         yield panel
         assert panel.page.errors() == []
 
@@ -69,44 +57,6 @@ def test_the_guide_recognises_each_step_and_says_how_to_keep_the_demonstration(p
     assert panel.hints() == ["G", "B", "X"]
     say(panel, phase="ready")
     assert not panel.is_shown("guide")
-
-
-def heard(panel, wait=0.4):
-    time.sleep(wait)
-    return panel.page.run(SOUND)
-
-
-@pytest.mark.browser
-def test_the_contact_load_is_heard_on_request_while_a_demonstration_is_recorded(panel):
-    panel.screen(*DESKTOP)
-    say(panel, phase="recording", depth=0.01)
-    say(panel, phase="recording", load=10.0, depth=0.01)
-    assert panel.text("sound-state") == "sound off"
-    assert panel.page.run("return livePanel.analyser === undefined")  # there is no sound before it is asked for
-    press(panel.page, "m")
-    assert panel.text("sound-state") == "sound on"
-    say(panel, phase="recording", load=10.0, depth=0.01)
-    low, low_pitch, low_share = heard(panel)
-    say(panel, phase="recording", load=35.0, depth=0.01)
-    high, high_pitch, _ = heard(panel)
-    assert 0.005 < low < high
-    assert low_pitch == pytest.approx(160 * 2 ** (1.5 * 10 / 40), abs=8)
-    assert high_pitch == pytest.approx(160 * 2 ** (1.5 * 35 / 40), abs=8)
-    say(panel, phase="recording", load=45.0, depth=0.01)
-    _, _, rough_share = heard(panel)
-    assert rough_share > 3 * low_share  # it has strong overtones
-    say(panel, phase="verdict", load=45.0, depth=0.01)
-    assert heard(panel)[0] < 1e-4
-    say(panel, phase="recording", depth=0.024)
-    assert heard(panel)[0] < 1e-4  # free motion
-    say(panel, phase="recording", load=0.6, depth=0.024)
-    touch, tone = heard(panel, 0.05)[0], heard(panel, 0.6)[0]
-    assert touch > 1.3 * tone > 0.01
-    say(panel, phase="verdict", depth=0.0247)
-    assert heard(panel, 0.1)[0] > 0.03  # the insertion
-    assert heard(panel, 0.8)[0] < 1e-4
-    press(panel.page, "m")
-    assert panel.text("sound-state") == "sound off"
 
 
 @pytest.mark.nightly
