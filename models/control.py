@@ -11,7 +11,7 @@ SCALED = "scaled:"
 
 
 def wrench_factor(text: str) -> float:
-    """Returns the factor F of ``scaled:F``; NaN if the text is none."""
+    """Returns the factor F of ``scaled:F``; NaN of any other text."""
     try:
         return float(text.removeprefix(SCALED)) if text.startswith(SCALED) else math.nan
     except ValueError:

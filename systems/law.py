@@ -9,14 +9,15 @@ import numpy as np
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
+from models.control import wrench_factor
 from models.scenario import Scenario
 from skill.data.geometry import PegHoleGeometry, fit_difference
 from skill.policy import RigPolicy
+from skill.replaced_wrench import ReplacedWrench
 from systems.control.drive_monitor import DriveMonitor
 from systems.control.estimator import READINGS, PolicyEstimator
 from systems.control.force_guard import ForceGuard
 from systems.control.policy_controller import PolicyController
-from systems.control.policy_wrench import PolicyWrench
 from systems.control.sensor_monitor import SensorMonitor
 from systems.control.watchdog import COMMANDS, Watchdog
 from systems.hardware.wrench_sensor import WrenchSensor
@@ -35,8 +36,6 @@ class Law:
     controller: PolicyController
     watchdog: Watchdog
     force_guard: ForceGuard
-    policy_wrench: PolicyWrench | None
-    """What replaces the measured wrench for the policy; None where the policy receives it as it is."""
 
     def recorded(self, axes: Sequence[str]) -> dict[tuple[str, ...], OutputPort]:
         """Returns the ports that a run records, by the names of their elements."""
@@ -92,6 +91,8 @@ def AddLaw(
         steppers: names of the axes that have steppers.
     """
     sensor, control = scenario.sensor, scenario.controller
+    if control.wrench != "true":
+        policy = ReplacedWrench(policy, control.wrench, wrench_factor(control.wrench), scenario.geometry.reach)
     law = Law(
         monitor=builder.AddNamedSystem(
             "sensor_monitor", SensorMonitor(limits=sensor_limits(scenario), period=sensor.period)
@@ -107,38 +108,18 @@ def AddLaw(
         force_guard=builder.AddNamedSystem(
             "force_guard", ForceGuard(limits=GuardLimits.of(scenario), stopping=stopping)
         ),
-        policy_wrench=_add_policy_wrench(builder, scenario),
     )
-    for reader in (law.controller, law.force_guard):
+    for reader in (law.estimator, law.controller, law.force_guard):
         connect_measurement(builder, law, reader)
-    wrench = law.monitor.GetOutputPort("wrench")
-    if law.policy_wrench is not None:
-        builder.Connect(wrench, law.policy_wrench.GetInputPort("wrench"))
-        wrench = law.policy_wrench.GetOutputPort("policy_wrench")
-    builder.Connect(wrench, law.estimator.GetInputPort("wrench"))
-    builder.Connect(wrench, law.controller.GetInputPort("policy_wrench"))
-    builder.Connect(law.monitor.GetOutputPort("depth"), law.estimator.GetInputPort("depth"))
     builder.Connect(law.estimator.GetOutputPort("estimate"), law.controller.GetInputPort("estimate"))
     for name in ("target_pitch", "target_yaw"):
-        for reader in (law.estimator, law.controller):
-            builder.Connect(law.force_guard.GetOutputPort(name), reader.GetInputPort(name))
+        builder.Connect(law.force_guard.GetOutputPort(name), law.controller.GetInputPort(name))
     for name in COMMANDS:
         builder.Connect(law.controller.GetOutputPort(name), law.watchdog.GetInputPort(name))
     for name in (*COMMANDS, "blind"):
         builder.Connect(law.watchdog.GetOutputPort(name), law.force_guard.GetInputPort(name))
     builder.Connect(law.controller.GetOutputPort("failed"), law.watchdog.GetInputPort("controller_failed"))
     return law
-
-
-def _add_policy_wrench(builder: DiagramBuilder, scenario: Scenario) -> PolicyWrench | None:
-    control = scenario.controller
-    if control.wrench == "true":
-        return None
-    system: PolicyWrench = builder.AddNamedSystem(
-        "policy_wrench",
-        PolicyWrench(use=control.wrench, period=control.period, lever=scenario.geometry.reach, seed=scenario.seed),
-    )
-    return system
 
 
 def AddSensor(

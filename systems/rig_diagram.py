@@ -58,9 +58,6 @@ class RigDiagram:
         _check_same_rig(self.scenario, trial)
         self.plant.set_trial(context, trial)
         self.sensor.set_seed(self.sensor.GetMyMutableContextFromRoot(context), trial.seed)
-        replaced = self.law.policy_wrench
-        if replaced is not None:
-            replaced.set_seed(replaced.GetMyMutableContextFromRoot(context), trial.seed)
         angles = start_angles(trial)
         for stepper, angle in zip(self.steppers, angles, strict=False):  # an arm has no steppers
             stepper.set_start_angle(stepper.GetMyMutableContextFromRoot(context), angle)

@@ -48,7 +48,7 @@ def test_the_sample_is_seeded_and_every_mutant_is_another_program():
 
 
 def test_rooms_are_folders_or_files_and_a_sample_has_no_more_than_they_have():
-    file, folder = "systems/control/policy_wrench.py", "systems/arm"
+    file, folder = "systems/control/force_guard.py", "systems/arm"
     of_file, of_both = (draw(10_000, 0, rooms) for rooms in ([file], [folder, file]))
     assert {mutant.file for mutant in of_file} == {file}
     assert set(of_file) < set(of_both)

@@ -160,10 +160,10 @@ class SpiralSearch(TunedLaw):
         """The first point."""
         return Estimate.of_phase(0, len(self._moves))
 
-    def step(self, memory: Array, observation: Array) -> Estimate:
+    def step(self, memory: Array, measured: Array) -> Estimate:
         """The next point while the load is above ``touch``."""
         point = int(memory[0])
-        point = point + 1 if self.load(observation) > self.touch else point
+        point = point + 1 if self.load(measured) > self.touch else point
         return Estimate.of_phase(point % len(self._moves), len(self._moves))
 
     def state_names(self) -> list[str]:

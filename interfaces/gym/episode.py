@@ -14,6 +14,7 @@ from models.contact_geometry import ContactLabel
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import UNPHYSICAL, Outcome
+from skill.replaced_wrench import ReplacedEstimate
 from skill.states.estimate import Estimate
 from systems.plant.rig_plant import stepper_axes
 from systems.rig_diagram import RigDiagram
@@ -68,9 +69,10 @@ class Episode:
         """
         rig = self._rig
         context = rig.law.controller.GetMyContextFromRoot(self._context)
-        inputs = {"wrench": "policy_wrench", "depth": "depth"}
-        found = {name: np.array(rig.law.controller.GetInputPort(port).Eval(context)) for name, port in inputs.items()}
+        found = {name: np.array(rig.law.controller.GetInputPort(name).Eval(context)) for name in ("wrench", "depth")}
         estimate: Estimate = rig.law.controller.GetInputPort("estimate").Eval(context)
+        if isinstance(estimate, ReplacedEstimate):
+            found["wrench"] = estimate.measured[:6].copy()
         found["probabilities"] = estimate.states
         modes = [rig.law.controller.GetOutputPort(name).Eval(context)[0] for name in ("turning", "back_off")]
         guard = rig.law.force_guard.GetMyContextFromRoot(self._context)

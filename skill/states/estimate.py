@@ -45,13 +45,12 @@ class Estimator(Protocol):
     def initial(self) -> Estimate:
         """Returns the estimate before the first sample; it has the shapes of all later ones."""
 
-    def step(self, memory: Array, observation: Array) -> Estimate:
+    def step(self, memory: Array, measured: Array) -> Estimate:
         """Returns the estimate at the next sample.
 
         Args:
             memory: (m,), of the estimate before.
-            observation: (9,), the measurement (fx fy fz in N, mx my mz in N m, z in m), and the own turn since the
-                start (rad, about x and y of P); see `skill.features.responses`.
+            measured: (7,), fx fy fz (N) mx my mz (N m) z (m).
         """
 
 
@@ -71,13 +70,13 @@ class StateEstimator:
         log_belief = self.contacts.initial_log_belief()
         return Estimate(np.exp(log_belief), known=False, memory=log_belief)
 
-    def step(self, memory: ArrayLike, observation: ArrayLike) -> Estimate:
+    def step(self, memory: ArrayLike, measured: ArrayLike) -> Estimate:
         """See `Estimator`.
 
         Raises:
             ValueError: if a shape is wrong or a number is not finite.
         """
-        row = np.asarray(observation, dtype=float)
+        row = np.asarray(measured, dtype=float)
         features = self._features.transform(row[None, : len(MEASURED)])[0]
         log_belief, states, known = self.contacts.step(memory, features)
         return Estimate(states, known, log_belief)

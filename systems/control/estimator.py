@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
 from skill.features.measurement import measurement
-from skill.features.responses import rig_observations
 from skill.states.estimate import Estimate, Estimator
 
 
@@ -21,16 +19,14 @@ class PolicyEstimator(LeafSystem):
         input_ports:
         - wrench
         - depth
-        - target_pitch
-        - target_yaw
         output_ports:
         - estimate
         - state
         - known
 
-    Runs the estimator of a policy on the wrench on the peg about its tip (N, N m, in P), the depth (m), and the
-    policy's own motions: the commanded angles of the hole (rad). For a skill this is the filter of its contact
-    states (`StateEstimator`). A policy without estimator has an `Estimate` of one state, for certain.
+    Runs the estimator of a policy on the wrench on the peg about its tip (N, N m, in P) and the depth (m). For a skill
+    this is the filter of its contact states (`StateEstimator`). A policy without estimator has an `Estimate` of one
+    state, for certain.
 
     ``estimate`` is the `Estimate` at the measurement of the same instant. The other outputs are for records: the most
     probable state, and whether it is ``known``. The memory of the estimator is the discrete state,
@@ -43,13 +39,11 @@ class PolicyEstimator(LeafSystem):
         initial = Estimate() if estimator is None else estimator.initial()
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
-        self._targets = [self.DeclareVectorInputPort(f"target_{name}", 1) for name in ("pitch", "yaw")]
         prerequisites = {self.nothing_ticket()}
         if estimator is not None:
             self._memory = self.DeclareDiscreteState(initial.memory)
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-            inputs = (self._wrench, self._depth, *self._targets)
-            prerequisites = {self.discrete_state_ticket(self._memory), *(port.ticket() for port in inputs)}
+            prerequisites = {self.discrete_state_ticket(self._memory), self._wrench.ticket(), self._depth.ticket()}
         self._estimate = self.DeclareCacheEntry(
             "estimate", ValueProducer(lambda: Value[object](initial), self._calc_estimate), prerequisites
         )
@@ -62,9 +56,8 @@ class PolicyEstimator(LeafSystem):
         if self._estimator is None:
             return
         measured = measurement(self._wrench.Eval(context), self._depth.Eval(context)[0])
-        targets = np.array([port.Eval(context)[0] for port in self._targets])
         memory = context.get_discrete_state(self._memory).value()
-        output.set_value(self._estimator.step(memory, rig_observations(measured, targets)))
+        output.set_value(self._estimator.step(memory, measured))
 
     def _eval_estimate(self, context: Context) -> Estimate:
         estimate: Estimate = self._estimate.Eval(context)

@@ -30,7 +30,6 @@ class PolicyController(LeafSystem):
         name: PolicyController
         input_ports:
         - wrench
-        - policy_wrench
         - depth
         - estimate
         - target_pitch
@@ -56,9 +55,8 @@ class PolicyController(LeafSystem):
     A policy that raises an exception, or returns a NaN or infinite action, has failed and is not called again: feed and
     turns stop, and ``failed`` is 1.
 
-    The controller receives the measured wrench on the peg about its tip, the wrench that the policy acts on (the same,
-    unless `PolicyWrench` replaces it), the depth, the `Estimate` at this measurement, and its own motions: the angles
-    of the hole (rad) that the guard permits. The back-off goes by the measured wrench.
+    The controller receives the measured wrench on the peg about its tip, the depth, the `Estimate` at this measurement,
+    and its own motions: the angles of the hole (rad) that the guard permits.
     """
 
     def __init__(self, *, policy: RigPolicy, limits: ControllerLimits) -> None:
@@ -66,7 +64,6 @@ class PolicyController(LeafSystem):
         self._policy = policy
         self._limits = limits
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
-        self._policy_wrench = self.DeclareVectorInputPort("policy_wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
         self._estimate = self.DeclareAbstractInputPort("estimate", Value[object](Estimate()))
         self._targets = [self.DeclareVectorInputPort(f"target_{name}", 1) for name in ("pitch", "yaw")]
@@ -107,7 +104,7 @@ class PolicyController(LeafSystem):
         wrench, depth = self._wrench.Eval(context), self._depth.Eval(context)[0]
         estimate: Estimate = self._estimate.Eval(context)
         try:
-            action = self._checked_action(measurement(self._policy_wrench.Eval(context), depth), estimate)
+            action = self._checked_action(measurement(wrench, depth), estimate)
         except Exception as error:  # a foreign policy may raise anything, and the rig must stop
             command = command.stopped()
             state.get_mutable_abstract_state(int(self._failure)).set_value(error_summary(error))

@@ -56,7 +56,6 @@ ARGUMENTS = {
         "policy": skill,
         "limits": ControllerLimits.of(S, 0.02),
     },
-    "PolicyWrench": lambda skill: {"use": "shuffled", "period": 0.02, "lever": 0.01, "seed": 0},
     "ForceGuard": lambda skill: {
         "limits": GuardLimits.of(S),
         "stopping": StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=1600.0, turn_impact=340.0),

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from skill.features.measurement import measurement
-from skill.features.responses import rig_observations
 from skill.states.estimate import Estimate, estimates
 from systems.control.estimator import READINGS, PolicyEstimator
 from tests.stepping import fixed_context, update
@@ -11,21 +10,19 @@ PERIOD = 0.02
 
 
 class Counter:
-    """An estimator of two states that counts the observations and keeps the last own turn about y."""
+    """An estimator of two states that counts the measurements and keeps the last depth."""
 
     def initial(self):
         return Estimate(np.array([0.5, 0.5]), False, np.zeros(2))
 
-    def step(self, memory, observation):
-        states = np.array([0.3, 0.7]) if observation[0] > 0.0 else np.array([0.9, 0.1])
-        return Estimate(states, True, np.array([memory[0] + 1.0, observation[8]]))
+    def step(self, memory, measured):
+        states = np.array([0.3, 0.7]) if measured[0] > 0.0 else np.array([0.9, 0.1])
+        return Estimate(states, True, np.array([memory[0] + 1.0, measured[6]]))
 
 
-def set_inputs(dut, context, wrench, depth, target):
+def set_inputs(dut, context, wrench, depth):
     dut.GetInputPort("wrench").FixValue(context, wrench)
     dut.GetInputPort("depth").FixValue(context, [depth])
-    for name, angle in zip(("target_pitch", "target_yaw"), target, strict=True):
-        dut.GetInputPort(name).FixValue(context, [angle])
 
 
 def readings(dut, context):
@@ -34,16 +31,16 @@ def readings(dut, context):
 
 @pytest.fixture
 def series(demonstrations):
-    """Wrenches (n, 6), depths (n,) and commanded angles (n, 2) of a demonstrated insertion."""
+    """Wrenches (n, 6) and depths (n,) of a demonstrated insertion."""
     samples = demonstrations[0].samples.iloc[::5]
     wrenches = samples[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy()
-    return wrenches, -samples["z"].to_numpy(), -samples[["rx", "ry"]].cumsum().to_numpy()
+    return wrenches, -samples["z"].to_numpy()
 
 
 def test_the_estimate_equals_that_of_the_policys_own_estimator(skill, series):
     dut = PolicyEstimator(estimator=skill.estimator(), period=PERIOD)
     context = dut.CreateDefaultContext()
-    observed = rig_observations(measurement(series[0], series[1]), series[2])
+    observed = measurement(*series)
     for inputs, expected in zip(zip(*series, strict=True), estimates(skill.estimator(), observed), strict=True):
         set_inputs(dut, context, *inputs)
         found = dut.GetOutputPort("estimate").Eval(context)  # uses this measurement, before the update
@@ -56,7 +53,7 @@ def test_the_estimate_equals_that_of_the_policys_own_estimator(skill, series):
 def test_records_show_the_most_probable_state():
     dut = PolicyEstimator(estimator=Counter(), period=PERIOD)
     context = dut.CreateDefaultContext()
-    set_inputs(dut, context, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.01, [0.0, 0.3])
+    set_inputs(dut, context, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.01)
     assert readings(dut, context) == {"state": 1.0, "known": 1.0}
 
 
@@ -64,11 +61,10 @@ def test_the_memory_is_stored_in_the_context():
     dut = PolicyEstimator(estimator=Counter(), period=PERIOD)
     one, other = dut.CreateDefaultContext(), dut.CreateDefaultContext()
     for k in range(3):
-        set_inputs(dut, one, np.zeros(6), 0.0, [0.0, 0.1 * k])
-        set_inputs(dut, other, np.zeros(6), 0.0, [0.0, -0.1 * k])
+        set_inputs(dut, one, np.zeros(6), 0.1 * k)
+        set_inputs(dut, other, np.zeros(6), -0.1 * k)
         for context in (one, other)[: 2 if k else 1]:
             update(dut, context, period=PERIOD)
-    # Turning the hole by an angle turns the peg by minus that angle.
     np.testing.assert_allclose(one.get_discrete_state(0).value(), [3.0, -0.2])
     np.testing.assert_allclose(other.get_discrete_state(0).value(), [2.0, 0.2])
 

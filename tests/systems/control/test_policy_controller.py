@@ -48,9 +48,7 @@ def controller(policy, row, parameters=GENTLE):
     scenario = Scenario(controller=parameters)
     dut = PolicyController(policy=policy, limits=ControllerLimits.of(scenario, policy.period_))
     estimate = policy.estimate_alone(row)
-    context = fixed_context(
-        dut, wrench=row[:6], policy_wrench=row[:6], depth=[-row[6]], target_pitch=[0.0], target_yaw=[0.0]
-    )
+    context = fixed_context(dut, wrench=row[:6], depth=[-row[6]], target_pitch=[0.0], target_yaw=[0.0])
     believe(dut, context, estimate)
     return dut, context, None if isinstance(policy, FixedPolicy) else policy.act(row, estimate)
 

@@ -1,4 +1,4 @@
-"""What a policy receives in place of the measured wrench: by hand, in the diagram, and in trials."""
+"""What a policy receives in place of the measured wrench: by hand, and in trials."""
 
 import copy
 import math
@@ -10,27 +10,24 @@ import pytest
 from benchmarks.rig.control_laws import MomentCompliance, StraightPush
 from experiments.trial.diagram_trial import run_rig
 from experiments.trial.run_trial import run_trial
-from models.control import WRENCHES
+from models.control import WRENCHES, wrench_factor
 from models.scenario import TRIAL_STREAM, resolve_scenario
-from systems.control.policy_wrench import PolicyWrench
+from skill.replaced_wrench import READINGS, ReplacedWrench
+from skill.states.estimate import estimates
 from systems.rig import MakeRig
-from systems.steps.policy_wrench import SHUFFLED, initial_state, policy_wrench, policy_wrench_step
-from tests.stepping import fixed_context, update
 
-LEVER, PERIOD = 0.01, 0.02
+LEVER = 0.01
 REPLACED = [*WRENCHES[1:], "scaled:0.5", "scaled:-1"]
 
 
-def received(use, wrenches, seed=0):
-    """The wrenches (n, 6) that the system passes on for measured ones."""
-    dut = PolicyWrench(use=use, period=PERIOD, lever=LEVER, seed=seed)
-    context = fixed_context(dut, wrench=np.zeros(6))
-    found = []
-    for wrench in wrenches:
-        dut.GetInputPort("wrench").FixValue(context, wrench)
-        found.append(dut.GetOutputPort("policy_wrench").Eval(context).copy())
-        update(dut, context, period=PERIOD)
-    return np.array(found)
+def replaced(use, policy=None):
+    return ReplacedWrench(policy or StraightPush(0.02), use, wrench_factor(use), LEVER)
+
+
+def received(use, wrenches):
+    """The wrenches (n, 6) that a policy receives for measured ones."""
+    observed = np.column_stack([wrenches, np.zeros(len(wrenches))])
+    return np.array([estimate.measured[:6] for estimate in estimates(replaced(use).estimator(), observed)])
 
 
 def numbered(n):
@@ -41,8 +38,6 @@ def numbered(n):
 def test_zero_and_scaled_need_no_memory():
     wrench = np.array([1.0, -2.0, 3.0, 0.1, 0.2, -0.3])
     for use, expected in (("zero", 0.0 * wrench), ("scaled:0.5", 0.5 * wrench), ("scaled:-1", -wrench)):
-        state = initial_state(use)
-        np.testing.assert_array_equal(policy_wrench(use, state, wrench, 0.3), expected)
         np.testing.assert_array_equal(received(use, [wrench, wrench]), [expected, expected])
 
 
@@ -55,7 +50,8 @@ def test_a_frozen_wrench_is_measured_until_the_first_touch_and_then_that_of_the_
 
 def test_a_shuffled_wrench_is_one_of_the_past_and_each_of_them_is_as_likely():
     assert received("shuffled", numbered(1) + 4.0)[0, 0] == 4.0  # the first has no past
-    drawn = np.array([received("shuffled", numbered(6), seed)[:, 0] for seed in range(600)])
+    noise = np.random.default_rng(0).uniform(0.0, 0.1, (600, 6, 6))
+    drawn = np.array([received("shuffled", numbered(6) + added)[:, 0] for added in noise])
     for k in range(1, 6):
         counts = np.bincount(drawn[:, k].astype(int), minlength=k)
         assert len(counts) == k  # never the present one, nor a later one
@@ -63,23 +59,23 @@ def test_a_shuffled_wrench_is_one_of_the_past_and_each_of_them_is_as_likely():
 
 
 def test_readings_that_no_longer_fit_are_kept_with_equal_probability():
-    rng, n, times = np.random.default_rng(1), 3 * SHUFFLED, 10
-    kept = np.zeros(n)
-    for _ in range(times):
-        state = initial_state("shuffled")
-        for wrench in numbered(n):
-            state = policy_wrench_step("shuffled", state, wrench, rng.uniform(), LEVER)
+    shuffled, n, times = READINGS["shuffled"], 3 * READINGS["shuffled"], 10
+    kept, policy = np.zeros(n), replaced("shuffled")
+    for seed in range(times):
+        state = np.zeros(1 + 6 * shuffled)
+        for wrench in numbered(n) + np.random.default_rng(seed).uniform(0.0, 0.1, (n, 6)):
+            state = policy.remembered(state, wrench)
         numbers = state[1:].reshape(-1, 6)[:, 0].astype(int)
-        assert len(set(numbers)) == SHUFFLED
+        assert len(set(numbers)) == shuffled
         kept[numbers] += 1
-    thirds = kept.reshape(3, -1).sum(axis=1) / (times * SHUFFLED)
+    thirds = kept.reshape(3, -1).sum(axis=1) / (times * shuffled)
     np.testing.assert_allclose(thirds, 1 / 3, atol=0.03)
 
 
-def test_shuffling_depends_on_the_seed_only():
-    one, same, other = (received("shuffled", numbered(60), seed) for seed in (3, 3, 4))
+def test_shuffling_depends_on_the_readings_only():
+    one, same, other = (received("shuffled", numbered(60) + added) for added in (0.0, 0.0, 1e-3))
     np.testing.assert_array_equal(one, same)
-    assert (one != other).any()
+    assert (np.floor(one) != np.floor(other)).any()
 
 
 @pytest.fixture
@@ -94,30 +90,6 @@ def resolved(scenario, use, seed=1):
     chosen = copy.deepcopy(scenario)
     chosen.controller.wrench = use
     return resolve_scenario(chosen, seed=seed, stream=TRIAL_STREAM)
-
-
-def sources(diagram):
-    """(system, port) behind each input (system, port) of a diagram."""
-    return {
-        (system.get_name(), system.get_input_port(i).get_name()): (
-            source.get_name(),
-            source.get_output_port(o).get_name(),
-        )
-        for (system, i), (source, o) in diagram.connection_map().items()
-    }
-
-
-def test_only_the_policy_and_its_estimator_receive_the_replaced_wrench(scenario, skill):
-    measured, replaced = (sources(MakeRig(resolved(scenario, use), skill).diagram) for use in ("true", "zero"))
-    assert "policy_wrench" not in {system for system, _ in measured}
-    changed = {port: source for port, source in replaced.items() if measured.get(port) != source}
-    assert changed == {
-        ("policy_wrench", "wrench"): ("sensor_monitor", "wrench"),
-        ("policy_estimator", "wrench"): ("policy_wrench", "policy_wrench"),
-        ("policy_controller", "policy_wrench"): ("policy_wrench", "policy_wrench"),
-    }
-    kept = {system for (system, _), source in replaced.items() if source == ("sensor_monitor", "wrench")}
-    assert kept == {"policy_wrench", "policy_controller", "force_guard", "drive_monitor", "run_row"}
 
 
 def test_a_policy_that_ignores_force_shows_it(scenario):
