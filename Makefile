@@ -18,20 +18,24 @@ FAST := not slow and not browser and not nightly
 # Types are checked with one set of stubs: those of NumPy 2.5, for newer Pythons, report errors in correct calls.
 MYPY := $(if $(filter 3.11,$(VERSION)),$(RUN) mypy,@echo "types: checked with Python 3.11 only")
 
-.PHONY: demo test test-fast test-nightly lint figures-check mutants fuzz campaign bench sweeps docs release clean environment .venv system-packages
+.PHONY: demo test test-fast test-nightly lint mutants fuzz campaign bench sweeps docs release clean environment .venv system-packages
 
 demo: environment
 	$(RUN) haptic_skill demo $(ARGS)
 
-# Lint, types and all tests but the nightly ones: about nine minutes on two cores.
-test: environment system-packages lint
-	$(PYTEST) -m "not nightly" $(TESTS)
+# Lint and types beside all tests but the nightly ones: about eight minutes on two cores.
+test: environment system-packages
+	@mkdir -p out
+	@$(MAKE) --no-print-directory lint > out/lint.log 2>&1 & \
+	$(PYTEST) -m "not nightly" $(TESTS); result=$$?; \
+	wait $$! && exit $$result || { cat out/lint.log; exit 1; }
 
 # For daily work: neither lint, nor pages, nor what takes over half a second.
 test-fast: environment
 	$(PYTEST) -m "$(FAST)" $(TESTS)
 
-# What takes minutes or checks what changes rarely: damaged files, killed commands, mutants, wheel, site, whole sweeps.
+# What takes minutes or checks what changes rarely: damaged files, killed commands, mutants, wheel, site, whole sweeps,
+# every command of README, and each tutorial.
 test-nightly: environment system-packages fuzz campaign mutants
 	$(PYTEST) -m nightly
 
@@ -40,10 +44,6 @@ lint: environment
 	$(RUN) ruff format --check .
 	$(RUN) codespell_lib
 	$(MYPY)
-
-# Are the figures of README and docs those of the published rows? A test of `make test` asks too.
-figures-check: environment
-	$(RUN) docs._tools.figures_check
 
 # 200 small faults, one at a time: how many does a test of `make test` notice?
 mutants: environment
@@ -69,7 +69,7 @@ bench: environment
 
 CURVES := demonstrations friction sensor_noise pivot mount_stiffness
 
-# The curves of docs/curves. What is there is kept: an interrupted sweep continues where it stopped.
+# The curves of docs/curves and of docs/learning. What is there is kept: an interrupted sweep continues where it stopped.
 sweeps: environment
 	for name in $(CURVES); do \
 	  "$(VENV)/bin/haptic-skill" sweep benchmarks/sweeps/$$name.yaml --out out/sweeps/curves || exit 1; \

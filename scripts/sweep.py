@@ -197,8 +197,7 @@ def _check_results(out: Path) -> None:
         raise ValueError(f"--out {out}: holds {others[0]}, but no results of sweeps; choose another --out")
     if any((out / TRIALS).rglob(PUBLISHED)):
         raise ValueError(
-            f"--out {out}: holds a published copy of results, with which no sweep goes on; choose another --out, or"
-            " restore it with docs/_tools/restored_results.py"
+            f"--out {out}: holds a published copy of results, with which no sweep goes on; choose another --out"
         )
 
 

@@ -1,50 +1,62 @@
-"""Makes pictures of the documentation, each by one command, from what `make demo` leaves in out/.
+"""Makes pictures of the documentation, each by one command, from what `make demo` leaves in out/, in headless Chromium.
 
     python -m docs._tools.pictures wedge.webp jam.webp
 
-A film shows the first recording with what it is to show. Look at a picture before you commit it.
+A film shows replays at a third of their speed, two side by side. Look at a picture before you commit it.
 """
 
 from __future__ import annotations
 
+import io
 import json
 import shlex
+import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
+import gymnasium
+import numpy as np
+from PIL import Image
+
+from interfaces.gym.agents import PolicyAgent
+from interfaces.reports.replay_page import write_replay
+from skill.data.demonstration import read_demonstration
+from skill.manipulation_skill import ManipulationSkill
+from tests.browser import open_page
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-
-from benchmarks.command_line import run  # noqa: E402
-from skill.data.demonstration import read_demonstration  # noqa: E402
-
-PYTHON = shlex.quote(sys.executable)
-OUT = ROOT / "out"
-
-
-def trial(trial_set: str, chosen: Callable[[dict[str, Any]], Any]) -> Path:
-    """Returns the first chosen trial of the demo, or of the set "hard", whose trials are performed if need be.
-
-    Raises:
-        ValueError: if there is none.
-    """
-    folder = OUT / ("rig" if trial_set == "usual" else trial_set)
-    if not folder.exists() and trial_set == "hard":
-        shell(f"{PYTHON} -m haptic_skill rig --trials 20 --trials-of hard --out {shlex.quote(str(folder))}")
-    for number, result in enumerate(json.loads((folder / "results.json").read_text())):
-        if chosen(result):
-            return folder / f"run_{number:04d}.parquet"
-    raise ValueError(f"{folder}: no such trial")
+OUT, PICTURES = ROOT / "out", ROOT / "docs" / "pictures"
+SIZE, WIDTH = (960, 820), 640  # of a replay, and of a film, in pixels
+RATE, SLOW = 6, 3  # pictures per second; times slower than it was
+LARGEST = 400_000  # bytes of a film
+UNUSED, NARROW = ".dg.main", ".dg.main, #dial-box, #arrows"
+"""The viewer's own controls; and what has no place where two replays stand side by side."""
+HIDE = "for (const part of document.querySelectorAll(arguments[0])) part.style.display = 'none'"
 
 
-def usual() -> Path:
-    """A trial without a back-off."""
-    return trial("default", lambda result: result["inserted"] and not result["back_offs"])
+def shell(command: str) -> None:
+    """Performs a command of Python in the folder of the project."""
+    subprocess.run([sys.executable, "-m", *shlex.split(command)], cwd=ROOT, check=True)
+
+
+def trial(arm: str, chosen: Callable[[dict[str, Any]], Any]) -> Path:
+    """Returns the first chosen trial of the demo, or of the arm "stress", whose trials are performed if need be."""
+    folder = OUT / ("rig" if arm == "default" else arm)
+    if not folder.exists():
+        shell(f"haptic_skill rig --trials 20 --arm {arm} --out {shlex.quote(str(folder))}")
+    results = json.loads((folder / "results.json").read_text())
+    return folder / f"run_{next(number for number, result in enumerate(results) if chosen(result)):04d}.parquet"
+
+
+def smooth(result: dict[str, Any]) -> bool:
+    """Whether a trial is inserted without a back-off."""
+    return result["inserted"] and not result["back_offs"]
 
 
 def jammed() -> Path:
@@ -53,74 +65,98 @@ def jammed() -> Path:
     return next(path for path in paths if read_demonstration(path).outcome == "jammed")
 
 
-def wedged() -> Path:
-    """A harder trial in which friction alone could hold the peg for over a second."""
-    return trial("hard", lambda result: result["wedged_s"] > 1.0)
+def film(name: str, shown: Callable[[], dict[str, Path]], *, end: float | None = None, skill: bool = False) -> None:
+    """Writes a film of recordings, by their titles; a skill names the contact states of demonstrations."""
+    films, titles = [], shown()
+    narrow = len(titles) > 1
+    with tempfile.TemporaryDirectory() as folder:
+        page_file = Path(folder) / "replay.html"
+        for title, recording in titles.items():
+            made = write_replay(recording, page_file, title=title, skill=OUT / "skill.npz" if skill else None)
+            with open_page(page_file, size=(SIZE[0] // 2, SIZE[1]) if narrow else SIZE) as page:
+                page.wait("window.replay && window.replay.ready")
+                page.run(HIDE, NARROW if narrow else UNUSED)
+                films.append([])
+                for moment in np.arange(0.0, end or made.time[-1], 1 / RATE / SLOW).tolist():
+                    page.run("window.replay.pause(); window.replay.seek(arguments[0])", moment)
+                    time.sleep(0.1)  # until it is drawn
+                    films[-1].append(Image.fromarray(page.screenshot()))
+    longest = max(map(len, films))  # the last picture of a shorter film stays
+    films = [[*pictures, *[pictures[-1]] * (longest - len(pictures))] for pictures in films]
+    pictures = [reduced(*side_by_side) for side_by_side in zip(*films, strict=True)]
+    write(PICTURES / f"{name}.webp", pictures, [1000 // RATE] * len(pictures))
 
 
-def harder() -> Path:
-    """A harder trial without a back-off."""
-    return trial("hard", lambda result: result["inserted"] and not result["back_offs"])
+def reduced(*pictures: Image.Image) -> Image.Image:
+    """Returns pictures side by side as one, ``WIDTH`` pixels wide."""
+    together = Image.fromarray(np.hstack([np.asarray(picture) for picture in pictures]))
+    return together.resize((WIDTH, round(WIDTH * together.height / together.width)), Image.Resampling.LANCZOS)
 
 
-def asked() -> Path:
-    """The first correction."""
-    return min((OUT / "corrections").rglob("*.parquet"))
+def write(path: Path, shown: Sequence[Image.Image], times: Sequence[int]) -> None:
+    """Writes a film that repeats: pictures and their times, ms; the last one stays for two seconds."""
+    first, *others = shown
+    durations = [*times[:-1], 2000]
+    for quality in (40, 25, 15):
+        file = io.BytesIO()
+        first.save(file, "webp", save_all=True, append_images=others, duration=durations, loop=0, quality=quality)
+        if file.tell() < LARGEST:
+            break
+    path.write_bytes(file.getvalue())
 
 
-def film(name: str, shown: dict[str, Path], options: str = "") -> str:
-    """The command of a film of recordings, by their titles."""
-    recordings, titles = shlex.join(map(str, shown.values())), shlex.join(f"--title={title}" for title in shown)
-    return f"{PYTHON} -m docs._tools.moving_picture {recordings} --name {name} {titles} {options}"
+def rendered() -> None:
+    """Draws the environment of Gymnasium as `render()` returns it, when a skill has inserted half of the peg."""
+    policy = ManipulationSkill.load(ROOT / "skill" / "default_skill.npz")
+    env = gymnasium.make("interfaces.gym:PegInHole-v0", engine="exact", policy=policy, render_mode="rgb_array")
+    agent, (observation, _) = PolicyAgent(policy), env.reset(options={"trial": 0})
+    while observation["depth"][0] < 0.012:
+        observation, *_ = env.step(agent.act(observation))
+    Image.fromarray(env.render()).save(PICTURES / "gymnasium.png")
 
 
-def curves(name: str, *factors: str, results: str, options: str = "") -> str:
-    """The command of a picture of curves."""
-    chosen = " ".join(f"--factor {factor}" for factor in factors)
-    return f"{PYTHON} docs/_tools/curve_picture.py docs/{results} {name}.png {chosen} {options}"
+def both() -> dict[str, Path]:
+    """A usual and a harder trial."""
+    return {"a usual trial": trial("default", smooth), "a harder trial": trial("stress", smooth)}
 
 
-def shell(command: str) -> None:
-    """Performs a command in the folder of the project."""
-    subprocess.run(command, shell=True, cwd=ROOT, check=True)
-
-
-STATES = "--skill out/skill.npz"
-VARIED = ("friction", "noise", "rig.pivot_range", "rig.mount_stiffness")
-THEORY = f"{PYTHON} -m benchmarks.physics.theory --friction 0.1 --friction 0.2 --friction 0.3 --pictures docs/pictures"
-DIAGRAMS = f"{PYTHON} -m haptic_skill diagram --out docs/pictures"
-LIVE = f"{PYTHON} docs/_tools/live_picture.py --observer out/skill.npz"
-FIRST_HOUR = f"{PYTHON} -m docs._tools.first_hour out/first_hour"
+THEORY = "benchmarks.physics.theory --friction 0.1 --friction 0.2 --friction 0.3 --pictures docs/pictures"
+DIAGRAMS = "haptic_skill diagram --out docs/pictures"
+FIRST_HOUR = "tests.docs.first_hour out/first_hour"
 LEARNT = (
-    f"{PYTHON} -m benchmarks.rig.reinforcement --skill skill/default_skill.npz --steps 50000 --every 10000 --trials 10"
+    "benchmarks.rig.reinforcement --skill skill/default_skill.npz --steps 50000 --every 10000 --trials 10"
+    " --figure docs/pictures/reinforcement.svg"
 )
 
-COMMANDS: dict[str, Callable[[], str]] = {
-    "insertion.webp": lambda: film("insertion", {"insertion": usual()}),
-    "jam.webp": lambda: film("jam", {"a jam: pushed without levelling": jammed()}, f"{STATES} --end 1.8"),
-    "wedge.webp": lambda: film("wedge", {"a wedge: two contacts squeeze the peg": wedged()}, "--end 2.4"),
-    "stress.webp": lambda: film("hard", {"a usual trial": usual(), "a harder trial": harder()}),
-    "correction.webp": lambda: film("correction", {"a correction: shown where the skill was stuck": asked()}, STATES),
-    "insertion.png": lambda: "cp out/fig5_insertion.png docs/pictures/insertion.png",
-    "demonstrations.png": lambda: "cp out/demonstrations/demonstrations.png docs/pictures/demonstrations.png",
-    "learning_curve.png": lambda: curves("learning_curve", "training.size", results="learning"),
-    "ladder.png": lambda: curves("ladder", "clearance", results="ladder", options="--engine drake"),
-    "curves.png": lambda: curves("curves", *VARIED, results="curves", options="--engine exact"),
-    **dict.fromkeys(("two_point_depth.svg", "jamming.svg", "wedging.svg", "force_balance.svg"), lambda: THEORY),
-    **dict.fromkeys(("virtual_environment.svg", "rig.svg"), lambda: DIAGRAMS),
-    **dict.fromkeys(("live.webp", "live.png", "live_skill.png"), lambda: LIVE),
-    **dict.fromkeys((f"first_hour_{part}.webp" for part in ("show", "ask", "rig")), lambda: FIRST_HOUR),
-    "gymnasium.png": lambda: f"{PYTHON} -m docs._tools.rendered_picture",
-    "reinforcement.svg": lambda: f"{LEARNT} --figure docs/pictures/reinforcement.svg",
+COMMANDS: dict[str, Callable[[], object]] = {
+    "insertion.webp": partial(film, "insertion", lambda: {"insertion": trial("default", smooth)}),
+    "jam.webp": partial(film, "jam", lambda: {"a jam: pushed without levelling": jammed()}, end=1.8, skill=True),
+    "wedge.webp": partial(
+        film,
+        "wedge",
+        lambda: {"a wedge: two contacts squeeze the peg": trial("stress", lambda result: result["wedged_s"] > 1.0)},
+        end=2.4,
+    ),
+    "stress.webp": partial(film, "stress", both),
+    "correction.webp": partial(
+        film,
+        "correction",
+        lambda: {"a correction: shown where the skill was stuck": min((OUT / "corrections").rglob("*.parquet"))},
+        skill=True,
+    ),
+    "insertion.png": partial(shutil.copy, OUT / "fig5_insertion.png", PICTURES / "insertion.png"),
+    "demonstrations.png": partial(shutil.copy, OUT / "demonstrations" / "demonstrations.png", PICTURES),
+    "gymnasium.png": rendered,
+    "reinforcement.svg": partial(shell, LEARNT),
+    **{
+        name: partial(shell, THEORY)
+        for name in ("two_point_depth.svg", "jamming.svg", "wedging.svg", "force_balance.svg")
+    },
+    **{name: partial(shell, DIAGRAMS) for name in ("virtual_environment.svg", "rig.svg")},
+    **{f"first_hour_{part}.webp": partial(shell, FIRST_HOUR) for part in ("show", "ask", "rig")},
 }
-"""Pictures by name, and what tells their commands."""
-
-
-def main(names: Annotated[list[str], typer.Argument(help=f"Of {', '.join(COMMANDS)}.")]) -> None:
-    """Makes the pictures."""
-    for command in dict.fromkeys(COMMANDS[name]() for name in names):
-        shell(command)
-
+"""What makes each picture."""
 
 if __name__ == "__main__":
-    run(main)
+    for chosen in sys.argv[1:]:
+        COMMANDS[chosen]()

@@ -1,14 +1,11 @@
 """The page of the first hour: a script does what it says, in a real browser."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
-from docs._tools.first_hour import commands
-from docs._tools.moving_picture import ROOT
 from skill.data.demonstration import read_demonstrations
+from tests.docs.first_hour import commands, follow
 
 
 def test_the_page_records_trains_corrects_and_inserts():
@@ -21,9 +18,7 @@ def test_the_page_records_trains_corrects_and_inserts():
 @pytest.mark.timeout(1800)
 def test_who_follows_the_page_has_an_own_skill_that_inserts(tmp_path):
     folder = tmp_path / "hour"
-    subprocess.run(
-        [sys.executable, "-m", "docs._tools.first_hour", folder, "--pictures", tmp_path], cwd=ROOT, check=True
-    )
+    follow(folder, tmp_path)
     shown = read_demonstrations(folder / "out" / "live")
     assert [d.good for d in shown] == [True, True, True, True, False] * 2
     assert all((tmp_path / f"first_hour_{name}.webp").stat().st_size > 20_000 for name in ("show", "ask", "rig"))

@@ -1,7 +1,6 @@
 """Every picture of the documentation has a command, and is shown."""
 
-from docs._tools.moving_picture import PICTURES, ROOT
-from docs._tools.pictures import COMMANDS
+from docs._tools.pictures import COMMANDS, PICTURES, ROOT
 
 
 def test_every_picture_has_a_command_and_is_shown():

@@ -1,35 +1,41 @@
-"""The tables of the site are made of the published trials."""
+"""The figures of the site, and those of README, are those of the published trials."""
 
 import sys
 
-import pandas as pd
 import pytest
 
-from experiments.scoreboard.result_store import read_trials
-from experiments.scoreboard.summary import make_scoreboard
-from tests.scripts.commands import ROOT
+from tests.checkout import ROOT
 
 sys.path.append(str(ROOT / "docs" / "_extensions"))
 published_tables = pytest.importorskip("published_tables", reason="needs Sphinx, the extra [docs]")
 
-CONDITIONS = ["policy", "trial_set", "engine", "factors"]
+
+@pytest.fixture(scope="module")
+def arms():
+    return published_tables.published(ROOT / "docs" / "arms")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["ladder", "arms"])
-def test_each_policy_has_a_row_for_each_of_its_conditions(name):
-    board = make_scoreboard(read_trials(ROOT / "docs" / name))
-    text = published_tables.tables(board, name).replace("\N{NO-BREAK SPACE}", " ")
-    rows = pd.read_parquet(
-        ROOT / "docs" / name / "trials", columns=["policy", "trial_set", "engine", "factors", "inserted"]
+def test_a_table_counts_the_insertions(arms):
+    assert published_tables.inserted(arms[arms.policy == "skill"]) == "196 of 200"
+    table = published_tables.insertions(arms, ["policy"], ["arm", "engine"])
+    assert table.loc[table.policy == "skill"].to_numpy().tolist() == [["skill", "196 of 200"]]
+    lines = published_tables.markdown(published_tables.summary(arms)).splitlines()
+    assert len(lines) == 2 + arms.policy.nunique()
+    assert lines[-1].endswith("| straight push | 13 of 20 | 6.4 | 41.65 | 100.0 | 0 |")
+
+
+@pytest.mark.parametrize(
+    ("name", "query", "row"),
+    [
+        ("fresh", "policy == 'skill' and engine == 'exact'", "| {} of 400 | {} of 400 | `haptic"),
+        ("fresh", "policy == 'skill with corrections' and engine == 'exact'", "| {} of 400 | {} of 400 | the same |"),
+        ("learning", "policy == 'skill' and value == 10", "| {} of 1,000 (998) | {} of 1,000 (982) |"),
+        ("sections", "policy == 'skill with corrections'", "| {:,} of 2,000 | {:,} of 2,000 |"),
+        ("scoreboard", "policy == 'CA states + LWR'", "| {}, 98, 91 of 100 | {}, 90, 83 of 100 |"),
+    ],
+)
+def test_the_results_of_readme_are_those_of_the_rows(name, query, row):
+    rows = published_tables.published(ROOT / "docs" / name).query(
+        f"{query} and factor in ['', 'training.size', 'section']"
     )
-    found = rows.groupby(["policy", "trial_set", "engine", "factors"], observed=True).inserted.agg(["sum", "count"])
-    lines = [
-        line
-        for line in text.splitlines()
-        if line.startswith("| ") and not line.startswith(("| ---", "| policy", "| cond"))
-    ]
-    assert len(lines) == len(found)
-    for (policy, *_), (inserted, number) in found.iterrows():
-        assert any(f"| {policy} |" in line and f"| {inserted} of {number} (" in line for line in lines), policy
-    assert text.count("haptic-skill sweep docs/") == len(list((ROOT / "docs" / name / "sweeps").glob("*.yaml")))
+    assert row.format(*rows.groupby("arm").inserted.sum()) in (ROOT / "README.md").read_text()

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 HAPTIC_SKILL = ("-m", "haptic_skill")  # what the installed command does
 
 
-def run_python(*arguments, cwd=ROOT, **environment):
+def run_python(*arguments, cwd=ROOT, timeout=300, **environment):
     """Runs Python in a separate process, which finds the packages of this checkout; returns the completed process."""
     plain = {"NO_COLOR": "1", "COLUMNS": "200", "TERM": "dumb", "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
     return subprocess.run(
@@ -23,7 +23,7 @@ def run_python(*arguments, cwd=ROOT, **environment):
         cwd=cwd,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=timeout,
         check=False,
         env=os.environ | plain | environment,
     )

@@ -1,6 +1,6 @@
 """Goes through docs/first_hour.md as a person would: runs its commands, and presses the keys of its pages in Chromium.
 
-    python -m docs._tools.first_hour FOLDER [--demonstrations 10] [--pictures docs/pictures]
+    python -m tests.docs.first_hour FOLDER
 
 It works in the folder, which must be new, at 1280 x 720 pixels, and writes the films of the page: first_hour_show,
 first_hour_ask and first_hour_rig. A page that hides or cuts off something ends it. It leaves the time of each command
@@ -9,7 +9,6 @@ and what it printed. On a busy machine the simulation falls behind the keys.
 
 from __future__ import annotations
 
-import argparse
 import re
 import shlex
 import subprocess
@@ -22,7 +21,7 @@ from pathlib import Path
 from PIL import Image
 from selenium.webdriver.common.keys import Keys
 
-from docs._tools.moving_picture import PICTURES, ROOT, reduced, write
+from docs._tools.pictures import PICTURES, ROOT, reduced, write
 from tests.browser import Page
 from tests.interfaces.live.live_session import Session, press, served, text_of, wait_for_text
 from tests.interfaces.live.panel_page import FLAWS
@@ -133,31 +132,26 @@ def screen(page: Page) -> None:
     time.sleep(0.5)  # the picture follows
 
 
-def main() -> None:
-    """Runs the commands of the page, one after another."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--demonstrations", type=int, default=10)
-    parser.add_argument("--pictures", type=Path, default=PICTURES)
-    options = parser.parse_args()
-    options.folder.mkdir(parents=True)
+def follow(folder: Path, pictures: Path, demonstrations: int = 10) -> None:
+    """Runs the commands of the page in a new folder, one after another, and writes its films."""
+    folder.mkdir(parents=True)
     for command in commands():
         began = time.monotonic()
         print("haptic-skill", *command, flush=True)
         if "--live" in command:
             with (
                 tempfile.TemporaryDirectory() as log,
-                served(Path(log), "haptic_skill", *command, cwd=options.folder) as session,
+                served(Path(log), "haptic_skill", *command, cwd=folder) as session,
             ):
                 if command[0] == "record":
-                    record(session, options.pictures, options.demonstrations)
+                    record(session, pictures, demonstrations)
                 else:
-                    correct(session, options.pictures)
+                    correct(session, pictures)
                 print(session.wait_for(r"[\s\S]*").group())
         else:
-            subprocess.run([sys.executable, "-m", "haptic_skill", *command], cwd=options.folder, check=True)
+            subprocess.run([sys.executable, "-m", "haptic_skill", *command], cwd=folder, check=True)
         print(f"{(time.monotonic() - began) / 60:.1f} min", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    follow(Path(sys.argv[1]), PICTURES)
