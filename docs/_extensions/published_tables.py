@@ -22,12 +22,13 @@ from experiments.scoreboard.result_store import read_trials
 from experiments.scoreboard.summary import make_scoreboard
 from interfaces.reports.scoreboard_page import scoreboard_page
 
-CONDITIONS = ["engine", "arm", "factor", "value", "policy"]
+CONDITIONS = ["engine", "trial_set", "factor", "value", "policy"]
 
 
 def published(folder: Path) -> pd.DataFrame:
     """Returns the published rows of a folder, with the columns ``factor`` and ``value``, what the sweep varies."""
-    rows = pd.read_parquet(folder / "trials").astype({"policy": str, "arm": str, "engine": str})
+    rows = pd.read_parquet(folder / "trials").astype({"policy": str, "engine": str})
+    rows["trial_set"] = pd.Categorical(rows["trial_set"], ["usual", "hard"], ordered=True)
     varied = rows["factors"].astype(str).map(lambda text: next(iter(json.loads(text).items()), ("", None)))
     rows["factor"], rows["value"] = varied.str[0], varied.str[1]
     return rows.sort_values(CONDITIONS)
@@ -40,7 +41,7 @@ def inserted(rows: pd.DataFrame) -> str:
 
 def insertions(rows: pd.DataFrame, down: list[str], across: list[str]) -> pd.DataFrame:
     """Returns the numbers of insertions for the values of some columns, down and across the table."""
-    counts = rows.groupby([*down, *across])[["inserted"]].apply(inserted)
+    counts = rows.groupby([*down, *across], observed=True)[["inserted"]].apply(inserted)
     table = counts.unstack(across).fillna("") if across else counts.to_frame("inserted")
     table.columns = [", ".join(map(str, name if isinstance(name, tuple) else (name,))) for name in table.columns]
     return table.reset_index()
@@ -48,7 +49,7 @@ def insertions(rows: pd.DataFrame, down: list[str], across: list[str]) -> pd.Dat
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """Returns a row for each policy in each engine, set of trials and value of the factor; medians of all trials."""
-    groups = rows.groupby(CONDITIONS, sort=False, dropna=False)
+    groups = rows.groupby(CONDITIONS, sort=False, observed=True, dropna=False)
     numbers = groups.agg(
         time=("time_s", "median"),
         load=("peak_load_n", "median"),

@@ -45,11 +45,11 @@ def shell(command: str) -> None:
     subprocess.run([sys.executable, "-m", *shlex.split(command)], cwd=ROOT, check=True)
 
 
-def trial(arm: str, chosen: Callable[[dict[str, Any]], Any]) -> Path:
-    """Returns the first chosen trial of the demo, or of the arm "stress", whose trials are performed if need be."""
-    folder = OUT / ("rig" if arm == "default" else arm)
+def trial(trial_set: str, chosen: Callable[[dict[str, Any]], Any]) -> Path:
+    """Returns the first chosen trial of the demo, or of the harder trials, which are performed if need be."""
+    folder = OUT / ("rig" if trial_set == "usual" else trial_set)
     if not folder.exists():
-        shell(f"haptic_skill rig --trials 20 --arm {arm} --out {shlex.quote(str(folder))}")
+        shell(f"haptic_skill rig --trials 20 --trials-of {trial_set} --out {shlex.quote(str(folder))}")
     results = json.loads((folder / "results.json").read_text())
     return folder / f"run_{next(number for number, result in enumerate(results) if chosen(result)):04d}.parquet"
 
@@ -117,7 +117,7 @@ def rendered() -> None:
 
 def both() -> dict[str, Path]:
     """A usual and a harder trial."""
-    return {"a usual trial": trial("default", smooth), "a harder trial": trial("stress", smooth)}
+    return {"a usual trial": trial("usual", smooth), "a harder trial": trial("hard", smooth)}
 
 
 THEORY = "benchmarks.physics.theory --friction 0.1 --friction 0.2 --friction 0.3 --pictures docs/pictures"
@@ -129,12 +129,12 @@ LEARNT = (
 )
 
 COMMANDS: dict[str, Callable[[], object]] = {
-    "insertion.webp": partial(film, "insertion", lambda: {"insertion": trial("default", smooth)}),
+    "insertion.webp": partial(film, "insertion", lambda: {"insertion": trial("usual", smooth)}),
     "jam.webp": partial(film, "jam", lambda: {"a jam: pushed without levelling": jammed()}, end=1.8, skill=True),
     "wedge.webp": partial(
         film,
         "wedge",
-        lambda: {"a wedge: two contacts squeeze the peg": trial("stress", lambda result: result["wedged_s"] > 1.0)},
+        lambda: {"a wedge: two contacts squeeze the peg": trial("hard", lambda result: result["wedged_s"] > 1.0)},
         end=2.4,
     ),
     "stress.webp": partial(film, "stress", both),

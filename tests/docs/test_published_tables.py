@@ -17,7 +17,7 @@ def arms():
 
 def test_a_table_counts_the_insertions(arms):
     assert published_tables.inserted(arms[arms.policy == "skill"]) == "196 of 200"
-    table = published_tables.insertions(arms, ["policy"], ["arm", "engine"])
+    table = published_tables.insertions(arms, ["policy"], ["trial_set", "engine"])
     assert table.loc[table.policy == "skill"].to_numpy().tolist() == [["skill", "196 of 200"]]
     lines = published_tables.markdown(published_tables.summary(arms)).splitlines()
     assert len(lines) == 2 + arms.policy.nunique()
@@ -38,4 +38,4 @@ def test_the_results_of_readme_are_those_of_the_rows(name, query, row):
     rows = published_tables.published(ROOT / "docs" / name).query(
         f"{query} and factor in ['', 'training.size', 'section']"
     )
-    assert row.format(*rows.groupby("arm").inserted.sum()) in (ROOT / "README.md").read_text()
+    assert row.format(*rows.groupby("trial_set", observed=True).inserted.sum()) in (ROOT / "README.md").read_text()
