@@ -1,4 +1,4 @@
-"""Every command of README's table runs once, small, in a folder of its own; test_arm.py has the twin and its arm, test_make.py the demo."""
+"""Every command of README's table runs once, small, but `twin` and `arm` (test_arm.py) and `demo` (test_make.py)."""
 
 import re
 
