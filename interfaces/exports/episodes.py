@@ -18,7 +18,6 @@ from skill.data.geometry import PegHoleGeometry
 from skill.data.outcome import Outcome
 from skill.data.refinement import with_following_actions
 from skill.data.rig_run import RUN_COLUMNS, ContactPlace, RigRun
-from skill.data.run_result import outcome_of
 from skill.features.training_samples import observed_series
 from skill.manipulation_skill import ManipulationSkill
 from skill.states.estimate import estimates
@@ -179,7 +178,7 @@ def run_features(run: RigRun) -> dict[str, Feature]:
 
 def run_episode(run: RigRun, name: str) -> Episode:
     """Returns a run as an episode; ``name`` is that of its file."""
-    samples, outcome = run.samples, outcome_of(run.result, name)
+    samples, outcome = run.samples, run.outcome
     commands = samples[list(RIG_COMMANDS)].to_numpy()
     columns = _columns(
         samples,

@@ -31,7 +31,6 @@ import pandas as pd
 from skill.data.geometry import PegHoleGeometry
 from skill.data.outcome import UNPHYSICAL, Outcome, parse_outcome
 from skill.data.plausibility import check_demonstration
-from skill.data.run_result import shortened
 from skill.data.tables import read_table, validate_table, write_table
 
 CHANNELS = (
@@ -80,7 +79,7 @@ class Demonstration:
             object.__setattr__(self, "detail", detail or self.detail)
         where = self.source or "demonstration"
         if not isinstance(self.good, bool | np.bool_):
-            raise ValueError(f"{where}: 'good' is {shortened(self.good)}, expected true or false")
+            raise ValueError(f"{where}: 'good' is {self.good!r:.60}, expected true or false")
         object.__setattr__(self, "good", bool(self.good))
         validate_samples(self.samples, where)
         if self.outcome not in UNPHYSICAL:
@@ -124,13 +123,12 @@ def write_demonstration(demonstration: Demonstration, path: Path) -> None:
     Raises:
         ValueError: if metadata have a name that the header of the file uses itself.
     """
-    taken = sorted({"format_version", "good", "outcome", "duration_s"} & set(demonstration.metadata))
+    taken = sorted({"format_version", "good", "outcome"} & set(demonstration.metadata))
     if taken:
         raise ValueError(f"{path}: metadata named {taken} cannot be stored; rename them")
     header = {
         "good": demonstration.good,
         "outcome": demonstration.reason,
-        "duration_s": demonstration.duration,
         **demonstration.metadata,
     }
     write_table(demonstration.samples, COLUMNS, path, kind="demonstration", version=FORMAT_VERSION, header=header)
@@ -143,20 +141,11 @@ def read_demonstration(path: Path) -> Demonstration:
         ValueError: if the file is missing, damaged, changed, implausible, or of another kind or version. The message
             names the file.
     """
-    samples, header = read_table(path, COLUMNS, kind="demonstration", version=FORMAT_VERSION, keys=("good", "outcome"))
-    good, text, duration = header.pop("good"), header.pop("outcome"), header.pop("duration_s", None)
-    if not isinstance(text, str):
-        raise ValueError(f"{path}: 'outcome' is {text!r}, expected a text")
+    entries = {"good": bool, "outcome": str}
+    samples, header = read_table(path, COLUMNS, kind="demonstration", version=FORMAT_VERSION, entries=entries)
+    good, text = header.pop("good"), header.pop("outcome")
     outcome, detail = parse_outcome(text)
-    demonstration = Demonstration(
-        samples=samples, good=good, outcome=outcome, metadata=header, detail=detail, source=str(path)
-    )
-    if duration is not None and duration != demonstration.duration:
-        raise ValueError(
-            f"{path}: 'duration_s' is {duration!r}, but the samples last {demonstration.duration:g} s;"
-            " expected the same"
-        )
-    return demonstration
+    return Demonstration(samples=samples, good=good, outcome=outcome, metadata=header, detail=detail, source=str(path))
 
 
 def read_demonstrations(folder: Path) -> list[Demonstration]:

@@ -135,20 +135,13 @@ def parse_object(text: bytes | str) -> dict[str, Any]:
     """Returns a JSON object; NaN and infinite numbers are allowed.
 
     Raises:
-        ValueError: if the text is not JSON, not an object, nested too deeply, longer than ``MAX_LENGTH``, or has a key
-            twice or an integer of more than ``MAX_DIGITS`` digits.
+        ValueError: if the text is not JSON, not an object, nested too deeply, longer than ``MAX_LENGTH``, or has an
+            integer of more than ``MAX_DIGITS`` digits.
     """
-
-    def unique(pairs: list[tuple[str, Any]]) -> Any:
-        found = dict(pairs)
-        if len(found) < len(pairs):
-            raise ValueError(f"a key occurs twice among {sorted(name for name, _ in pairs)}")
-        return found
-
     if len(text) > MAX_LENGTH:
         raise ValueError(f"{len(text)} characters, expected at most {MAX_LENGTH}")
     try:
-        value = json.loads(text, object_pairs_hook=unique, parse_int=_integer)
+        value = json.loads(text, parse_int=_integer)
     except RecursionError:
         raise ValueError("nested too deeply") from None
     if not isinstance(value, dict):

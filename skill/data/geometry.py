@@ -13,6 +13,9 @@ MAX_SIZE = 10.0
 TABLES = ("corners", "mates")
 """Attributes of a geometry that hold rows of numbers."""
 
+OF_POLICIES = ("section", *TABLES, "peg_radius", "hole_radius", "hole_depth", "chamfer")
+"""Attributes on which a policy depends."""
+
 
 @dataclass(frozen=True)
 class PegHoleGeometry:
@@ -103,14 +106,9 @@ class PegHoleGeometry:
             "floor": 0.0,
         }
         errors = [
-            f"{name.replace('_', ' ')} {getattr(self, name):g} m, expected more than {limit:g} m"
+            f"{name.replace('_', ' ')} {getattr(self, name):g} m, expected above {limit:g} m, at most {MAX_SIZE:g} m"
             for name, limit in limits.items()
-            if not getattr(self, name) > limit
-        ]
-        errors += [
-            f"{name.replace('_', ' ')} {getattr(self, name):g} m, expected at most {MAX_SIZE:g} m"
-            for name in (*limits, "chamfer")
-            if getattr(self, name) > MAX_SIZE
+            if not limit < getattr(self, name) <= MAX_SIZE
         ]
         if self.chamfer < 0.0:
             errors.append(f"chamfer {self.chamfer:g} m, expected at least 0")
@@ -136,39 +134,29 @@ def common_geometry(metadata_of: Sequence[tuple[str, Mapping[str, Any]]]) -> Peg
     if others:
         odd = others[-1]
         named = ", ".join(sources[odd][:3]) + (f" and {len(sources[odd]) - 3} more" if len(sources[odd]) > 3 else "")
+        if odd is None or usual is None:
+            difference = "no geometry, but there is one" if odd is None else "a geometry, but there is none"
+        else:
+            difference = fit_difference(odd.record(), usual.record(), list(usual.record()))
         raise ValueError(
-            f"{named}: {_difference(odd, usual)} in {len(sources[usual])} of {len(metadata_of)} demonstrations, such as"
+            f"{named}: {difference} in {len(sources[usual])} of {len(metadata_of)} demonstrations, such as"
             f" {sources[usual][0]}; expected one geometry: train a skill for each"
         )
     return usual
 
 
-def fit_difference(learnt: Mapping[str, Any], needed: Mapping[str, Any]) -> str:
-    """Compares the shape and the sizes (m) on which a policy depends, of two geometries as mappings.
+def fit_difference(learnt: Mapping[str, Any], needed: Mapping[str, Any], names: Sequence[str] = OF_POLICIES) -> str:
+    """Compares two geometries as mappings, by default in what a policy depends on.
 
     Returns:
         the first difference, such as "geometry.chamfer 0.001 m, not 0.002 m", or "".
     """
-    if learnt["section"] != needed["section"]:
-        return f"geometry.section {learnt['section']}, not {needed['section']}"
-    for name in TABLES:
-        if _rows(learnt[name]) != _rows(needed[name]):
-            return f"geometry.{name} {learnt[name]}, not {needed[name]}"
-    for name in ("peg_radius", "hole_radius", "hole_depth", "chamfer"):
-        if learnt[name] != needed[name]:
-            return f"geometry.{name} {learnt[name]} m, not {needed[name]} m"
+    for name in names:
+        one, other = (_rows(found[name]) if name in TABLES else found[name] for found in (learnt, needed))
+        if one != other:
+            unit = "" if name in (*TABLES, "section", "facets") else " m"
+            return f"geometry.{name} {learnt[name]}{unit}, not {needed[name]}{unit}"
     return ""
-
-
-def _difference(odd: PegHoleGeometry | None, usual: PegHoleGeometry | None) -> str:
-    """What is special about a geometry."""
-    if odd is None or usual is None:
-        return "no geometry, but there is one" if odd is None else "a geometry, but there is none"
-    different = [name for name in _names() if getattr(odd, name) != getattr(usual, name)]
-    if not different:
-        shapes = [f"{one.section} {list(one.corners)} {list(one.mates)}" for one in (odd, usual)]
-        return f"section {shapes[0]}, but {shapes[1]}"
-    return ", ".join(f"{name} {getattr(odd, name):g}, but {getattr(usual, name):g}" for name in different)
 
 
 def _names() -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,6 +35,10 @@ MAX_BYTES = 100_000_000
 
 MIN_CHUNK, MAX_ROW_BYTES = 65_536, 20
 """Bytes to which a column may unpack, and more for each row; numbers need 8."""
+
+
+KINDS: dict[type, str] = {bool: "true or false", str: "a text", dict: "an object"}
+"""What entries of a header are, for messages."""
 
 
 class TooShortError(ValueError):
@@ -139,7 +143,7 @@ def read_table(
     *,
     kind: str,
     version: int,
-    keys: Sequence[str],
+    entries: Mapping[str, type],
     min_rows: int = 2,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Reads and validates a file of `write_table`.
@@ -149,7 +153,7 @@ def read_table(
         columns: columns that the table must have.
         kind: expected kind of file.
         version: expected version of the file format.
-        keys: entries that the header must have.
+        entries: types of the entries that the header must have.
         min_rows: minimum number of rows.
 
     Returns:
@@ -165,7 +169,7 @@ def read_table(
         file = _open(path)
         metadata = file.metadata.metadata or {}
         schema = file.schema_arrow
-    header = _header(metadata, path, kind=kind, version=version, keys=keys)
+    header = _header(metadata, path, kind=kind, version=version, entries=entries)
     check_columns(schema.names, columns, str(path))
     for field in schema:
         if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):
@@ -220,7 +224,7 @@ def named_parquet_errors(path: Path, what: str = "file") -> Iterator[None]:
 
 
 def _header(
-    metadata: dict[bytes, bytes], path: Path, *, kind: str, version: int, keys: Sequence[str]
+    metadata: dict[bytes, bytes], path: Path, *, kind: str, version: int, entries: Mapping[str, type]
 ) -> dict[str, Any]:
     """Returns the header of a file, without its version."""
     raw = metadata.get(kind.encode())
@@ -233,9 +237,10 @@ def _header(
     found = header.pop("format_version", None)
     if type(found) is not int or found != version:
         raise ValueError(f"{path}: {kind} format version {found}, expected {version}")
-    missing = [key for key in keys if key not in header]
-    if missing:
-        raise ValueError(f"{path}: '{kind}' metadata lacks {missing}; expected a {kind} file of this program")
+    for name, expected in entries.items():
+        if not isinstance(header.get(name), expected):
+            found = f"{header.get(name)!r:.60}"
+            raise ValueError(f"{path}: '{name}' in the metadata is {found}, expected {KINDS[expected]}")
     return header
 
 

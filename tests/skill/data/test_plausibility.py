@@ -8,9 +8,8 @@ import pytest
 from models.scenario import Scenario
 from models.validation import leaves
 from skill.data.demonstration import ACTIONS, Demonstration, read_demonstration, write_demonstration
-from skill.data.rig_run import RigRun, read_rig_run, write_rig_run
 from tests.crafted_files import rewrite
-from tests.trajectories import GEOMETRY, make_demonstration, make_rig_run
+from tests.trajectories import GEOMETRY, make_demonstration
 
 POSITIONS, FORCES, MOMENTS = ["x", "y", "z"], ["fx", "fy", "fz"], ["mx", "my", "mz"]
 
@@ -30,33 +29,33 @@ def at(samples, row, **values):
 
 DEGREES = 180.0 / np.pi
 FAULTS = {
-    "mm": (lambda s: scaled(s, POSITIONS, 1e3), ["'z'", "24.7 m", "looks like millimetres"]),
-    "x in mm": (lambda s: scaled(s, ["x"], 1e3), ["'x'", "looks like millimetres", "inside a bore of radius 10.05 mm"]),
-    "N mm": (lambda s: scaled(s, MOMENTS, 1e3), ["mx, my, mz look like N mm", "lever"]),
-    "kN": (lambda s: scaled(s, FORCES, 1e-3), ["fx, fy, fz look like kilonewtons"]),
-    "mN": (lambda s: scaled(s, FORCES, 1e3 * 200), ["'fx'", "looks like millinewtons"]),
-    "degrees": (lambda s: scaled(s, ["angle", "dangle"], DEGREES), ["angle", "looks like degrees"]),
-    "dangle in degrees": (lambda s: scaled(s, ["dangle"], DEGREES), ["'dangle' looks like degrees"]),
-    "hand in degrees": (lambda s: scaled(s, ["rx", "ry", "rz"], DEGREES), ["rx, ry", "look like degrees"]),
-    "hand in mm": (lambda s: scaled(s, ["ux", "uy", "uz"], 1e3), ["'uz'", "looks like millimetres per second"]),
-    "ms": (lambda s: scaled(s, ["time"], 1e3), ["'time' is 20 s", "looks like milliseconds"]),
-    "a step of 0.6 s": (lambda s: scaled(s, ["time"], 30.0), ["is 0.6 s, expected 0 to 0.5 s"]),
+    "mm": (lambda s: scaled(s, POSITIONS, 1e3), ["'z'", "24.7 m", "not millimetres"]),
+    "x in mm": (lambda s: scaled(s, ["x"], 1e3), ["'x'", "not millimetres"]),
+    "N mm": (lambda s: scaled(s, MOMENTS, 1e3), ["moments in N m", "lever"]),
+    "kN": (lambda s: scaled(s, FORCES, 1e-3), ["mx, my, mz", "lever"]),
+    "mN": (lambda s: scaled(s, FORCES, 1e3 * 200), ["'fx'", "not millinewtons"]),
+    "degrees": (lambda s: scaled(s, ["angle", "dangle"], DEGREES), ["angle", "not degrees"]),
+    "dangle in degrees": (lambda s: scaled(s, ["dangle"], DEGREES), ["'dangle' sums up to", "not degrees"]),
+    "hand in degrees": (lambda s: scaled(s, ["rx", "ry", "rz"], DEGREES), ["rx, ry", "not degrees"]),
+    "hand in mm": (lambda s: scaled(s, ["ux", "uy", "uz"], 1e3), ["'uz'", "not millimetres per second"]),
+    "ms": (lambda s: scaled(s, ["time"], 1e3), ["'time'", "20 s", "not milliseconds"]),
+    "a step of 0.6 s": (lambda s: scaled(s, ["time"], 30.0), ["0.6 s, expected 0 to 0.5 s"]),
     "a long gap": (lambda s: s.assign(time=s["time"] + 1.1 * (s.index > 40)), ["gap of 1.12 s after", "at most 1 s"]),
     "z down": (
         lambda s: scaled(s, ["z"], -1.0),
-        ["'z' ends at 24.7 mm, expected below -1", "z points out of the hole; is the sign flipped?"],
+        ["'z' ends at 24.7 mm, expected below -1", "z points out of the hole"],
     ),
     "outside at the end": (lambda s: s.iloc[:20].copy(), ["the outcome is 'inserted', but column 'z' ends at -"]),
     "a metre too deep": (lambda s: s.assign(z=s["z"] - 1.0), ["the depth in column 'z' lies between 0.997 and"]),
     "epoch": (
         lambda s: s.assign(time=s["time"] + 1.7e9),
-        ["'time'", "; are these seconds since 1970?"],
+        ["'time' since the start"],
     ),
-    "a metre deep": (lambda s: at(s, 70, z=-1.0), ["'z' lies between", "1 m, expected at most 0.0285", "25 mm depth"]),
+    "a metre deep": (lambda s: at(s, 70, z=-1.0), ["'z' lies between", "1 m, expected -1 to 0.0285"]),
     "a metre beside": (lambda s: at(s, 0, x=1.5), ["'x' lies between", "1.5 m, expected -1 to 1 m"]),
     "negative angle": (lambda s: at(s, 5, angle=-1.0), ["'angle' lies between -1 and", "expected 0 to 3.142 rad"]),
     "huge angle": (lambda s: at(s, 5, angle=1e6), ["'angle' lies between", "1e+06 rad, expected 0 to 3.142 rad"]),
-    "upside down": (lambda s: at(s, 5, angle=3.0), ["172 deg in row 5, expected at most 60 deg"]),
+    "upside down": (lambda s: at(s, 5, angle=3.0), ["by 3 rad, expected at most 1.05 rad"]),
     "negative step": (lambda s: at(s, 5, dangle=-1.0), ["'dangle' over time lies between -50"]),
     "no steps": (lambda s: s.assign(dangle=0.0), ["'dangle' sums up to 0 rad"]),
     "hand too fast": (lambda s: at(s, 5, ux=1.0), ["'ux' over time lies between 0 and 50 m/s, expected -5 to 5 m/s"]),
@@ -80,21 +79,11 @@ def refusal(read, path):
 @pytest.mark.parametrize("fault", FAULTS)
 def test_an_implausible_demonstration_is_refused_with_the_likely_unit(path, fault):
     change, parts = FAULTS[fault]
-    message = refusal(read_demonstration, rewrite(path, "demonstration", change, duration_s=None))
+    message = refusal(read_demonstration, rewrite(path, "demonstration", change))
     assert [part for part in parts if part not in message] == [], message
     samples = change(make_demonstration().samples)
     with pytest.raises(ValueError, match=r"^demonstration: "):
         Demonstration(samples, True, "inserted", {"geometry": GEOMETRY})
-
-
-@pytest.mark.parametrize("fault", ["epoch", "a step of 0.6 s", "a metre deep", "a metre too deep"])
-def test_no_unit_is_suggested_in_which_the_numbers_would_not_be_usual(demonstrations, fault):
-    change, _ = FAULTS[fault]
-    for made in (make_demonstration(), demonstrations[0]):
-        for metadata in ({}, {"geometry": made.metadata["geometry"]}):
-            with pytest.raises(ValueError, match="expected") as caught:
-                Demonstration(change(made.samples), True, "inserted", metadata)
-            assert "looks like" not in str(caught.value)
 
 
 def test_a_gap_may_last_25_periods_of_a_slow_recording():
@@ -158,73 +147,14 @@ def test_a_dropout_of_some_samples_is_plausible():
     Demonstration(samples.drop(index=range(30, 60)).reset_index(drop=True), True, "inserted", {"geometry": GEOMETRY})
 
 
-RUN_FAULTS = {
-    "mm": (lambda s: scaled(s, ["depth", "tip_z"], 1e3), ["'tip_z'", "looks like millimetres"]),
-    "measured depth in mm": (lambda s: scaled(s, ["depth"], 1e3), ["'depth'", "looks like millimetres"]),
-    "true height in mm": (lambda s: scaled(s, ["tip_z"], 1e3), ["'tip_z'", "looks like millimetres"]),
-    "N mm": (lambda s: scaled(s, MOMENTS, 1e3), ["mx, my, mz look like N mm"]),
-    "kN": (lambda s: scaled(s, FORCES, 1e-3), ["fx, fy, fz look like kilonewtons"]),
-    "degrees": (lambda s: scaled(s, ["target_pitch", "pitch"], DEGREES), ["pitch'", "looks like degrees"]),
-    "small turns in degrees": (
-        lambda s: s.assign(yaw=0.3 * DEGREES * s["yaw"], yaw_taken=np.rint(0.3 * s["yaw_taken"])),
-        ["the turn in column 'yaw'", "steps were taken", "looks like degrees"],
-    ),
-    "mm/s": (lambda s: scaled(s, ["feed_speed"], 1e3), ["'feed_speed'", "looks like millimetres per second"]),
-    "ms": (lambda s: scaled(s, ["time"], 1e3), ["'time'", "looks like milliseconds"]),
-    "support": (lambda s: at(s, 3, support=1.5), ["'support' lies between 1 and 1.5, expected 0 to 1"]),
-    "back_off": (lambda s: at(s, 3, back_off=0.5), ["'back_off' holds 0.5 in row 3, expected whole numbers"]),
-    "known": (lambda s: at(s, 3, known=-1.0), ["'known' lies between -1 and 1, expected 0 to 1"]),
-    "state": (lambda s: at(s, 3, state=4.0), ["'state' lies between 0 and 4, expected 0 to 3 (4 state names)"]),
-    "steps": (lambda s: at(s, 3, pitch_taken=-2.0), ["'pitch_taken' lies between -2"]),
-}
-
-
-@pytest.mark.parametrize("fault", RUN_FAULTS)
-def test_an_implausible_run_is_refused_with_the_likely_unit(tmp_path, fault):
-    change, parts = RUN_FAULTS[fault]
-    write_rig_run(make_rig_run(), tmp_path / "run.parquet")
-    message = refusal(read_rig_run, rewrite(tmp_path / "run.parquet", "rig_run", change))
-    assert [part for part in parts if part not in message] == [], message
-
-
-def test_a_biased_sensor_is_plausible(tmp_path):
-    run = make_rig_run()
-    samples = run.samples.assign(mx=run.samples["mx"] + 1.0, **dict.fromkeys(FORCES, 0.05))
-    write_rig_run(RigRun(samples, run.result, run.metadata), tmp_path / "run.parquet")
-    read_rig_run(tmp_path / "run.parquet")
-
-
 HIGHEST = {path: limits.high for path, _, limits in leaves(Scenario())}
 
 
-def test_runs_at_the_limits_of_a_scenario_are_plausible(tmp_path):
-    """A scenario allows no period, bias, noise or drift with which its own run would be refused."""
-    bias, noise, drift, period = (
-        HIGHEST[name]
-        for name in ("sensor.torque_bias", "sensor.torque_noise", "sensor.torque_drift", "controller.period")
-    )
-    assert period == HIGHEST["recorder.period"]
-    longest = HIGHEST["trial.time_limit"]
-    sigma = np.sqrt(bias**2 + noise**2 + drift**2 * longest)
-    rng = np.random.default_rng(0)
-    for forces in ({}, dict.fromkeys(FORCES, 0.0), dict.fromkeys(FORCES, 0.05)):
-        for offset in rng.normal(0.0, sigma, (5, 3)):
-            run = make_rig_run()
-            samples = run.samples.assign(**forces)
-            samples["time"] = period * np.arange(len(samples))
-            samples[MOMENTS] += offset
-            result = {**run.result, "time_s": samples["time"].iloc[-1] + period}
-            write_rig_run(RigRun(samples, result, run.metadata), tmp_path / "run.parquet")
-            read_rig_run(tmp_path / "run.parquet")
+def test_demonstrations_at_the_limits_of_a_scenario_are_plausible():
+    """A scenario allows no period and no start with which its own demonstration would be refused."""
+    period = HIGHEST["recorder.period"]
     made = make_demonstration()
     slow = made.samples.assign(time=period * np.arange(len(made.samples)))
     Demonstration(slow, True, "inserted", made.metadata)
     given_up = slow.assign(z=2.2 * HIGHEST["start.height"], x=HIGHEST["start.offset"], uz=0.0)
     Demonstration(given_up, False, "given up", made.metadata)
-
-
-def test_a_run_that_broke_down_may_hold_anything(tmp_path):
-    run = make_rig_run()
-    result = {"inserted": False, "reason": "diverged", "depth_mm": float("nan")}
-    write_rig_run(RigRun(scaled(run.samples, ["tip_z", "fx"], 1e6), result, run.metadata), tmp_path / "run.parquet")
-    assert np.isnan(read_rig_run(tmp_path / "run.parquet").result["depth_mm"])

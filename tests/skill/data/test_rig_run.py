@@ -16,7 +16,6 @@ from skill.data.rig_run import (
     write_rig_run,
 )
 from tests.crafted_files import rewrite, sealed_parquet
-from tests.trajectories import make_rig_run
 
 
 @pytest.fixture(scope="module")
@@ -63,16 +62,17 @@ def test_a_file_of_the_other_kind_is_refused(path, demonstrations, tmp_path):
 def test_metadata_without_a_result_is_refused(path):
     header = json.dumps({"format_version": RUN_VERSION})
     path.write_bytes(sealed_parquet(pq.read_table(path), {"rig_run": header}))
-    assert "metadata lacks ['result', 'metadata']" in error_message(path)
+    assert "'result' in the metadata is None, expected an object" in error_message(path)
 
 
 @pytest.mark.parametrize(
     ("header", "message"),
     [
-        ({"result": [1]}, "'result' is [1], expected an object"),
-        ({"metadata": None}, "'metadata' is None, expected an object"),
+        ({"result": [1]}, "'result' in the metadata is [1], expected an object"),
+        ({"metadata": None}, "'metadata' in the metadata is None, expected an object"),
         ({"metadata": {"state_names": "free"}}, "'state_names' is 'free', expected a list of texts"),
         ({"metadata": {"state_names": [1, 2]}}, "'state_names' is [1, 2], expected a list of texts"),
+        ({"result": {"reason": 3}}, "'reason' of the result is 3, expected a text"),
         ({"metadata": {"geometry": {"peg_radius": -1}}}, "geometry lacks"),
     ],
 )
@@ -86,29 +86,6 @@ def test_a_run_may_have_a_single_row(run, tmp_path):
     assert len(read_rig_run(tmp_path / "one.parquet").samples) == 1
 
 
-@pytest.mark.parametrize(
-    ("column", "value", "message"),
-    [
-        ("contact_tip_x", 0.5, "column 'contact_tip_x' lies between"),
-        ("contact_face_fz", 2e5, "column 'contact_face_fz' lies between"),
-        ("turning", 0.5, "column 'turning' holds 0.5 in row 3"),
-    ],
-)
-def test_an_implausible_contact_or_turning_is_refused(run, tmp_path, column, value, message):
-    samples = run.samples.copy()
-    samples.loc[3, column] = value
-    write_rig_run(RigRun(samples, run.result, run.metadata), tmp_path / "run.parquet")
-    assert message in error_message(tmp_path / "run.parquet")
-
-
 def test_a_run_with_some_of_the_contacts_is_refused(run):
     with pytest.raises(ValueError, match="missing columns \\['contact_tip_x'\\]"):
         RigRun(run.samples.drop(columns="contact_tip_x"), run.result, run.metadata)
-
-
-def test_a_peak_below_the_recorded_contacts_is_refused(tmp_path):
-    run = make_rig_run()
-    largest = run.samples["contact_tip_fx"].abs().max()
-    low = {**run.result, "peak_contact_n": round(float(largest) - 1.0, 1)}
-    write_rig_run(RigRun(run.samples, low, run.metadata), tmp_path / "run.parquet")
-    assert "'peak_contact_n' of the result is" in error_message(tmp_path / "run.parquet")
