@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.recordings.columns import PHASE_COLUMNS, TRIAL_COLUMNS, Column, choose_columns, label_column
+from skill.recordings.columns import PHASE_COLUMNS, ROWS, TRIAL_COLUMNS, Column, choose_columns, label_column
 from skill.recordings.orientation import with_rotation_vector
 from skill.recordings.recording import MAX_SAMPLES, Recording
 from skill.recordings.units import UNITS
@@ -101,11 +101,14 @@ def select_columns(names: Sequence[str], where: str, choice: ColumnChoice, units
         ValueError: if columns are missing, ambiguous or there twice. The message names the file.
     """
     selection = Selection(
-        choose_columns(names, choice.columns, where, units),
+        choose_columns(names, choice.columns, where, units, rows=choice.sampling_rate is not None),
         label_column(names, choice.trial_column, TRIAL_COLUMNS, where),
         label_column(names, choice.phase_column, PHASE_COLUMNS, where),
         guessed=choice.trial_column is None,
     )
+    time = selection.columns[0].name
+    if choice.sampling_rate is not None and time != ROWS:
+        raise ValueError(f"{where}: has a time, in column '{time}'; expected no sampling rate")
     twice = [name for name in selection.names if list(names).count(name) > 1]
     if twice:
         raise ValueError(f"{where}: columns {twice} occur more than once")

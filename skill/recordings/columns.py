@@ -37,6 +37,9 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 STANDARD = ("time", *FORCES, *MOMENTS, *POSITIONS, *QUATERNION, *ROTATIONS, "depth")
 """The channels with a name of their own, in the order in which they are read."""
 
+ROWS = "number of the row"
+"""What stands for the column of the time where the user says the sampling rate."""
+
 TRIAL_COLUMNS = ("trial", "episode", "episode_index", "run")
 """Names of a column that says to which trial a row belongs."""
 
@@ -91,7 +94,7 @@ class Column:
 
 
 def choose_columns(
-    names: Sequence[str], choices: Iterable[str], where: str, units: Sequence[str] = ()
+    names: Sequence[str], choices: Iterable[str], where: str, units: Sequence[str] = (), *, rows: bool = False
 ) -> tuple[Column, ...]:
     """Returns the columns to read: first the time, then the channels in the order of ``STANDARD``, then other ones.
 
@@ -100,6 +103,7 @@ def choose_columns(
         choices: texts "channel=column" or "channel=column:unit" of the user; they go before names that are recognised.
         where: name of the file, for messages.
         units: the unit of each column where the file says it beside the names, "" for none; as if it were in the name.
+        rows: whether the number of the row is the time if there is no other.
 
     Raises:
         ValueError: if a choice does not fit the file, a unit does not fit its channel, two columns are the same
@@ -115,7 +119,7 @@ def choose_columns(
         column = None if long else _recognised(name, beside.get(name, ""), chosen, names, where)
         if column is not None and column.channel not in chosen:
             found.setdefault(column.channel, []).append(column)
-    columns = {**_only(found, where), **chosen}
+    columns = {**({"time": Column("time", ROWS, stated=True)} if rows else {}), **_only(found, where), **chosen}
     _settle_translations(columns, where)
     _check_complete(columns, chosen, names, where)
     order = [*(c for c in STANDARD if c in columns), *(c for c in columns if c not in STANDARD)]
@@ -125,6 +129,12 @@ def choose_columns(
 def channel_quantity(channel: str) -> str | None:
     """Returns what a channel measures, such as "force"; None for a plain number or a channel of the user."""
     return _QUANTITIES.get(channel)
+
+
+def channel_of(name: str) -> str | None:
+    """Returns the channel that a name of a column stands for, whatever its unit; None for other names."""
+    stem, unit, certain = _parts(name, "", "")
+    return _NAMES.get(_plain(stem)) if certain or is_unit(unit) else None
 
 
 def label_column(names: Sequence[str], chosen: str | None, usual: Sequence[str], where: str) -> str | None:
@@ -293,7 +303,8 @@ def _check_complete(columns: dict[str, Column], chosen: dict[str, Column], names
     if missing:
         first = missing[0]
         unit = f":{si_symbol(_QUANTITIES.get(first))}" if first in _QUANTITIES else ""
+        rate = "; without a time, say the rate of the rows, e.g. --sampling-rate 100" if missing == ["time"] else ""
         raise ValueError(
             f"{where}: no column for {', '.join(missing)}; columns are {listed(names)};"
-            f" say which one, e.g. {first}=COLUMN{unit}"
+            f" say which one, e.g. {first}=COLUMN{unit}{rate}"
         )

@@ -18,8 +18,9 @@ import pandas as pd
 from skill.arrays import Array
 from skill.data.files import one_line
 from skill.recordings.column_table import NO_CHOICE, ColumnChoice, check_length, table_recordings
+from skill.recordings.columns import ROWS
 from skill.recordings.recording import Recording
-from skill.recordings.text_layout import MAX_HEAD, ROWS, Layout, divided, find_layout, is_comment, split
+from skill.recordings.text_layout import MAX_HEAD, Layout, divided, find_layout, is_comment, split
 from skill.recordings.text_numbers import DECIMALS, is_number, numbers
 
 MAX_BYTES = 1_000_000_000

@@ -1,8 +1,8 @@
 """Finds in a text which line names the columns, where the numbers begin, and what separates them.
 
-The names stand in the last line before the numbers of which the columns of a recording can be chosen; the line may be a
-comment (``#``). What stands above is not read. A line of units may stand below or above the names. A text without names
-gets them from the user, or numbers from 1.
+The line of names is that with the most names of channels, usual ones or those of the user, above the first row of
+numbers; it may be a comment (``#``). What stands above is not read. A line of units may stand below or above the names.
+A text without names gets them from the user, or numbers from 1.
 """
 
 from __future__ import annotations
@@ -11,15 +11,19 @@ import csv
 import re
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise, product, zip_longest
+from itertools import pairwise, zip_longest
+from typing import TYPE_CHECKING
 
 from skill.recordings.column_table import ColumnChoice, Selection, select_columns
-from skill.recordings.columns import FORCES, MOMENTS, STANDARD, channel_quantity, listed
+from skill.recordings.columns import FORCES, MOMENTS, ROWS, STANDARD, channel_of, channel_quantity, listed
 from skill.recordings.text_numbers import is_missing, is_number
 from skill.recordings.units import is_unit, unit_size
+
+if TYPE_CHECKING:
+    import _csv
 
 SEPARATORS = ("\t", ";", ",", " ")
 """What may stand between columns; " " is any number of spaces and tabs."""
@@ -27,10 +31,6 @@ SEPARATORS = ("\t", ";", ",", " ")
 MAX_HEAD = 1000
 """Largest number of lines before the numbers."""
 
-ROWS = "number of the row"
-"""Name of the column of the time where the user says the sampling rate."""
-
-_MAX_RECORD = 20  # lines of a name in quotes
 _BRACKETS = re.compile(r"^[\[(]\s*|\s*[\])]$")
 _SPACED_UNIT = re.compile(r"(?<=\w)\s+(?=[\[(])")
 _WORDS = re.compile(r"[\s,;:=()\[\]\"']+")
@@ -67,9 +67,7 @@ class Layout:
         """Whether fields look like a row: numbers, or texts for missing ones, where numbers are read."""
         if max(self.numbers.values(), default=0) >= len(fields) or any(fields[len(self.names) :]):
             return False
-        texts = [fields[k] for k in self.numbers.values()]
-        found = [is_number(text) for text in texts]
-        return any(found) and all(ok or is_missing(text) for ok, text in zip(found, texts, strict=True))
+        return _are_numbers([fields[k] for k in self.numbers.values()])
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,7 @@ def split(line: str, separator: str) -> list[str]:
     return [field.strip() for field in next(divided([line], separator), [])]
 
 
-def divided(lines: Iterable[str], separator: str, *, strict: bool = False) -> Iterator[list[str]]:
+def divided(lines: Iterable[str], separator: str, *, strict: bool = False) -> _csv._reader:
     """Reads lines as records of fields; a field in double quotes may go on in the next line."""
     text = (line.replace("\t", " ") for line in lines) if separator == " " else lines
     return csv.reader(text, delimiter=separator, skipinitialspace=True, strict=strict)
@@ -109,90 +107,111 @@ def find_layout(lines: Sequence[str], where: str, choice: ColumnChoice) -> Layou
     Raises:
         ValueError: if no line names columns that can be chosen, or what stands above the names looks like numbers.
     """
-    layout = _layout(lines, where, choice)
-    time = layout.selection.columns[0].name
-    if choice.sampling_rate is not None and time != ROWS:
-        raise ValueError(f"{where}: has a time, in column '{time}'; expected no sampling rate")
-    return layout
-
-
-def _layout(lines: Sequence[str], where: str, choice: ColumnChoice) -> Layout:
-    """The layout, as the user or a line of names says it."""
     given = [item.strip() for text in choice.columns if "=" not in text for item in text.split(",")]
-    rest = replace(choice, columns=[text for text in choice.columns if "=" in text])
-    texts = ["" if given and is_comment(line) else line for line in lines]
-    for separator in SEPARATORS:
-        layout = _with_names(texts, separator, where, rest, fitting=bool(given))
-        if layout is not None and given:
-            raise ValueError(
-                f"{where}: line {layout.start} names the columns, {listed(layout.names)}; say which of them is which"
-                " channel, e.g. --columns fx=COLUMN, or nothing"
-            )
-        if layout is not None:
-            return layout
-    return _without_names(lines, where, rest, given) if given else _otherwise(lines, where, rest)
+    choice = replace(choice, columns=[text for text in choice.columns if "=" in text])
+    names = _find_names(lines, choice, alone=not given)
+    if names is not None and given:
+        raise ValueError(
+            f"{where}: line {names.line.after} names the columns, {listed(names.line.fields)}; say which of them is"
+            " which channel, e.g. --columns fx=COLUMN, or nothing"
+        )
+    if names is not None:
+        return _with_names(lines, names, where, choice)
+    if given:
+        return _without_names(lines, where, choice, given)
+    return _by_number(lines, where, choice)
 
 
-def _with_names(
-    lines: Sequence[str], separator: str, where: str, choice: ColumnChoice, *, fitting: bool
-) -> Layout | None:
-    """The layout of a text whose line of names has this separator; None if there is no such line.
+@dataclass(frozen=True)
+class _Names:
+    """A line of names: the lines of the text that are not empty, which of them it is, and the separator."""
 
-    A line that does not fit the first row in its number of fields is none, if it is a comment or ``fitting`` is said.
+    head: list[_Line]
+    place: int
+    separator: str
+
+    @property
+    def line(self) -> _Line:
+        return self.head[self.place]
+
+    def first_row(self, lines: Sequence[str]) -> str:
+        """The first line of the row below, which is no line of units; empty if there is none."""
+        below = [line for line in self.head[self.place + 1 :] if not line.comment]
+        if below and _units(below[0].fields, len(self.line.fields)):
+            del below[0]
+        return lines[below[0].first] if below else ""
+
+    def fit(self, lines: Sequence[str], *, exactly: bool) -> bool:
+        """Whether there are as many names as the first row has fields by any separator, or no fewer than by its own."""
+        first, count = self.first_row(lines), len(self.line.fields)
+        if not exactly:
+            return count >= len(_filled(split(first, self.separator)))
+        return any(count in (len(row), len(_filled(row))) for row in (split(first, s) for s in SEPARATORS))
+
+
+def _find_names(lines: Sequence[str], choice: ColumnChoice, *, alone: bool) -> _Names | None:
+    """The line with the most names of channels; if there is none, that of texts above the first numbers.
+
+    A comment, and any line if the user has named the columns too (not ``alone``), must have as many fields as the row
+    below it, and a line with one such name not fewer.
     """
-    head = _head(lines, separator)
-    names: list[str] = []
-    used: set[int] = set()
-    first = ""
-    for k, line in enumerate(head):
-        if line.first in used:
-            continue
-        found = _named(head, k, separator, where, choice)
-        if found is not None:
-            names, selection, used = numbered(line.fields), *found
-            comment = line.comment
-        elif names and not line.comment:
-            first = lines[line.first]
-            break
-    if not names:
-        return None
-    widths = {len(row) for s in SEPARATORS for row in (split(first, s), _filled(split(first, s)))}
-    if (fitting or comment) and len(names) not in widths:
-        return None
-    layout = Layout(names, separator, max(used) + 1, selection)
-    if not layout.is_row(split(first, separator)):
-        others = (replace(layout, separator=s) for s in SEPARATORS)
-        rows = ((other, _filled(split(first, other.separator))) for other in others)
-        layout = next((other for other, row in rows if len(row) == len(names) and other.is_row(row)), layout)
+    rests = [text.partition("=")[2].strip() for text in choice.columns]
+    said = {part for rest in rests for part in (rest, rest.rpartition(":")[0].strip()) if not is_number(part)}
+    best, most = None, 0
+    for separator in SEPARATORS:
+        head = _head(lines, separator)
+        here = 0  # names of channels in the best line with this separator
+        for place, line in enumerate(head):
+            known = {channel_of(name) or name for name in numbered(line.fields) if channel_of(name) or name in said}
+            if here > 1 and not known and not line.comment and _are_numbers(line.fields, part=True):
+                break
+            names = _Names(head, place, separator)
+            if not known or len(known) < here or (len(known) <= most and not here) or (line.comment and not alone):
+                continue
+            exactly = line.comment or not alone
+            if (len(known) > 1 and not exactly) or names.fit(lines, exactly=exactly):
+                best, most, here = names, len(known), len(known)
+    return best or (_texts_above_numbers(lines) if alone else None)
+
+
+def _texts_above_numbers(lines: Sequence[str]) -> _Names | None:
+    """The line of texts above the first row of numbers, and above that of their units."""
+    for separator in SEPARATORS:
+        head = _head(lines, separator)
+        rows = (k for k, line in enumerate(head) if not line.comment and _are_numbers(line.fields, part=True))
+        place = next(rows, 0) - 1
+        width = len(head[place + 1].fields) if head else 0
+        if place > 0 and _units(head[place].fields, width):
+            place -= 1
+        fields = head[place].fields if place >= 0 and not head[place].comment else []
+        if len(fields) >= max(width, 2) and not any(map(is_number, fields)):
+            return _Names(head, place, separator)
+    return None
+
+
+def _with_names(lines: Sequence[str], found: _Names, where: str, choice: ColumnChoice) -> Layout:
+    """The layout of a text with a line of names."""
+    names = numbered(found.line.fields)
+    units: list[str] = []
+    used = set(range(found.line.first, found.line.after))
+    for place in (found.place + 1, found.place - 1):
+        if not units and 0 <= place < len(found.head) and 2 * len(found.head[place].fields) >= len(names):
+            units = _units(found.head[place].fields, len(names))
+            used |= {found.head[place].first} if units else set()
+    layout = Layout(names, found.separator, max(used) + 1, _select(names, units, where, choice))
+    first = found.first_row(lines)
+    if not layout.is_row(split(first, layout.separator)):
+        others = (replace(layout, separator=separator) for separator in SEPARATORS)
+        fields = ((other, _filled(split(first, other.separator))) for other in others)
+        layout = next((other for other, row in fields if len(row) == len(names) and other.is_row(row)), layout)
     for number in range(min(used)):
         if not is_comment(lines[number]) and layout.is_row(split(lines[number], layout.separator)):
             raise ValueError(
                 f"{where}: line {number + 1} looks like data, but the names of the columns are in line {min(used) + 1};"
                 " expected them above the data, once"
             )
-    _check_units(lines[: layout.start], used, selection, where)
+    _check_units(lines[: layout.start], used, layout.selection, where)
     return layout
-
-
-def _named(
-    head: Sequence[_Line], k: int, separator: str, where: str, choice: ColumnChoice
-) -> tuple[Selection, set[int]] | None:
-    """The selection from a line of names, and which lines say names and units; None if this line names no columns."""
-    names = numbered(head[k].fields)
-    if (len(names) < 2 and separator != " ") or all(map(is_number, names)):
-        return None
-    units: list[str] = []
-    used = set(range(head[k].first, head[k].after))
-    for other in (k + 1, k - 1):
-        if not units and 0 <= other < len(head) and 2 * len(head[other].fields) >= len(names):
-            units = _units(head[other].fields, len(names))
-            used |= {head[other].first} if units else set()
-    try:
-        selection = _select(names, units, where, choice)
-    except ValueError:
-        return None
-    numbers = selection.numbers & set(names)
-    return None if any(map(is_number, numbers)) else (selection, used)
 
 
 def _without_names(lines: Sequence[str], where: str, choice: ColumnChoice, given: Sequence[str]) -> Layout:
@@ -214,10 +233,9 @@ def _without_names(lines: Sequence[str], where: str, choice: ColumnChoice, given
             row = split(lines[number], separator)
             if len(row) >= len(names) and layout.is_row(row):
                 return _below(lines, texts[:k], layout, where, choice, units)
-    for number in texts:
-        count = max(_count_numbers(split(lines[number], separator)) for separator in SEPARATORS)
-        if count:
-            raise ValueError(f"{where}: line {number + 1} has {count} numbers, but {len(names)} columns are named")
+    number, count = _first_numbers(lines)
+    if count:
+        raise ValueError(f"{where}: line {number + 1} has {count} numbers, but {len(names)} columns are named")
     raise ValueError(f"{where}: no line of {len(names)} numbers")
 
 
@@ -234,44 +252,30 @@ def _below(
             used = {number}
             merged = [unit or other for unit, other in zip_longest(units, beside, fillvalue="")]
             layout = replace(layout, selection=_select(layout.names, merged, where, choice))
-        elif len(row) == len(layout.names) and all(is_number(field) or is_missing(field) for field in row):
-            layout = replace(layout, start=number)  # a row without values
-        elif len(fields) == len(layout.names) > 1 and not any(map(is_number, fields)):
+        elif len(fields) == len(layout.names) > 1 and not any(map(is_number, fields)) and not all(map(is_missing, row)):
             raise ValueError(
                 f"{where}: line {number + 1} names the columns, {listed(fields)}; say instead which of them is which"
                 f" channel, e.g. --columns {shlex.quote(f'{layout.names[-1]}={fields[-1]}')}"
             )
-        elif fields and is_number(fields[0]):
-            layout = replace(layout, start=number)  # a damaged row
+        elif (fields and is_number(fields[0])) or (len(row) == len(layout.names) and all(map(is_missing, row))):
+            layout = replace(layout, start=number)  # a row that is damaged or without values
     _check_units(lines[: layout.start], used, layout.selection, where)
     return layout
 
 
-def _otherwise(lines: Sequence[str], where: str, choice: ColumnChoice) -> Layout:
+def _by_number(lines: Sequence[str], where: str, choice: ColumnChoice) -> Layout:
     """The layout of a text without names whose columns the user chooses by their numbers; else says what is missing."""
-    likely: tuple[int, list[str], list[str]] = (0, [], [])
-    for separator in SEPARATORS:
-        head = _head(lines, separator)
-        widest = likely[0]
-        for k, line in enumerate(head):
-            width = len(line.fields)
-            if k > 0 and _count_numbers(line.fields, part=True) and not line.comment and width > widest:
-                below = _units(head[k - 1].fields, width)
-                above = head[k - 2 if below and k > 1 else k - 1]
-                said = choice.columns or not above.comment  # a comment of so many words is not yet a line of names
-                if said and len(above.fields) >= max(width, 2) and not any(map(is_number, above.fields)):
-                    likely = (width, above.fields, below)
-    if likely[0]:
-        _select(numbered(likely[1]), likely[2], where, choice)  # says what is wrong with these names
-    for number, text in enumerate(lines):
-        count = 0 if is_comment(text) else max(_count_numbers(split(text, separator)) for separator in SEPARATORS)
-        if count and choice.columns:
-            return _without_names(lines, where, choice, [str(k + 1) for k in range(count)])
-        if count:
-            raise ValueError(
-                f"{where}: line {number + 1} has {count} numbers, expected the names of the columns; say what they are,"
-                f" e.g. haptic-skill states {shlex.quote(where)} {_flags(count)}"
-            )
+    number, count = _first_numbers(lines)
+    if count and choice.columns:
+        return _without_names(lines, where, choice, [str(k + 1) for k in range(count)])
+    if count:
+        timed = count not in (1, 3, 6)
+        channels = ["time"] * timed + (["fz"] if count < 3 else [*FORCES, *(MOMENTS if count > 5 else ())])
+        names = ",".join([*channels, *[""] * (count - len(channels))])
+        raise ValueError(
+            f"{where}: line {number + 1} has {count} numbers, expected the names of the columns; say what they are,"
+            f" e.g. haptic-skill states {shlex.quote(where)} --columns {names}{'' if timed else ' --sampling-rate 100'}"
+        )
     if not any(line.strip() and not is_comment(line) for line in lines):
         raise ValueError(f"{where}: no line of column names; the file has no data")
     raise ValueError(
@@ -279,43 +283,29 @@ def _otherwise(lines: Sequence[str], where: str, choice: ColumnChoice) -> Layout
     )
 
 
-def _flags(count: int) -> str:
-    """The options that name so many columns."""
-    timed = count not in (1, 3, 6)
-    channels = ["time"] * timed + (["fz"] if count < 3 else [*FORCES, *(MOMENTS if count > 5 else ())])
-    names = ",".join([*channels, *[""] * (count - len(channels))])
-    return f"--columns {names}{'' if timed else ' --sampling-rate 100'}"
+def _first_numbers(lines: Sequence[str]) -> tuple[int, int]:
+    """The first line of numbers, from 0, and how many it has; 0, 0 if there is none."""
+    for number, text in enumerate(lines):
+        rows = [_filled(split(text, separator)) for separator in SEPARATORS]
+        count = 0 if is_comment(text) else max(len(row) if _are_numbers(row) else 0 for row in rows)
+        if count:
+            return number, count
+    return 0, 0
 
 
 def _head(lines: Sequence[str], separator: str) -> list[_Line]:
     """The lines that are not empty; a name in quotes may have several lines."""
-    found: list[_Line] = []
-    after = 0
-    while after < len(lines):
-        first, text = after, lines[after]
-        after += 1
-        comment = is_comment(text) or text.startswith("% ")
-        if comment:
-            text = text.lstrip("#% \t")
-        else:
-            stops = range(after, first + _MAX_RECORD + 1)
-            after = next((k for k in stops if not _is_open("".join(lines[first:k]), separator)), after)
-            text = "".join(lines[first:after])
-        if separator == " ":
-            text = _SPACED_UNIT.sub("", text)
-        fields = [" ".join(field.split()) for field in _filled(split(text, separator))]
+    found = []
+    first = 0
+    comments = [is_comment(line) or line.startswith("% ") for line in lines]
+    texts = (line.lstrip("#% \t") if comment else line for line, comment in zip(lines, comments, strict=True))
+    reader = divided((_SPACED_UNIT.sub("", text) for text in texts) if separator == " " else texts, separator)
+    for row in reader:
+        fields = [" ".join(field.split()) for field in _filled(row)]
         if fields:
-            found.append(_Line(first, after, fields, comment))
+            found.append(_Line(first, reader.line_num, fields, comments[first]))
+        first = reader.line_num
     return found
-
-
-def _is_open(text: str, separator: str) -> bool:
-    """Whether a text in quotes goes on in the next line."""
-    try:
-        list(divided([text], separator, strict=True))
-    except csv.Error as error:
-        return "unexpected end" in str(error)
-    return False
 
 
 def _filled(fields: list[str]) -> list[str]:
@@ -323,12 +313,10 @@ def _filled(fields: list[str]) -> list[str]:
     return fields[: max((k + 1 for k, field in enumerate(fields) if field), default=0)]
 
 
-def _count_numbers(fields: Sequence[str], *, part: bool = False) -> int:
-    """The number of fields, if all of them are numbers or say that there is none, or half of them; else 0."""
-    fields = _filled(list(fields))
+def _are_numbers(fields: Sequence[str], *, part: bool = False) -> bool:
+    """Whether all fields, or half of them, are numbers or say that there is none, and one is a number."""
     count = sum(is_number(field) or is_missing(field) for field in fields)
-    enough = 2 * count >= len(fields) if part else count == len(fields)
-    return len(fields) if enough and any(map(is_number, fields)) else 0
+    return count * (1 + part) >= len(fields) and any(map(is_number, fields))
 
 
 def _units(fields: Sequence[str], width: int) -> list[str]:
@@ -342,17 +330,18 @@ def _units(fields: Sequence[str], width: int) -> list[str]:
 
 def _check_units(lines: Sequence[str], used: set[int], selection: Selection, where: str) -> None:
     """Refuses to take forces and moments for N and N m if the text above them speaks of another unit."""
-    for number, line in enumerate(lines):
-        words = [] if number in used else _WORDS.split(line)
-        for (before, word), quantity in product(pairwise(["", *words]), ("force", "torque")):
-            other = is_unit(word, quantity) and unit_size(word, quantity) != 1.0 and not is_number(before)
-            open_columns = [c for c in selection.columns if not c.stated and channel_quantity(c.channel) == quantity]
-            if other and open_columns:
-                choices = " ".join(f"--columns {shlex.quote(f'{c.channel}={c.name}:{word}')}" for c in open_columns)
-                raise ValueError(
-                    f"{where}: line {number + 1} speaks of '{word}', but column '{open_columns[0].name}' has no unit;"
-                    f" say the units, e.g. {choices}"
-                )
+    said = {c.channel: channel_quantity(c.channel) for c in selection.columns if not c.stated}
+    texts = [(number, line) for number, line in enumerate(lines, start=1) if number - 1 not in used]
+    words = [(number, before, word) for number, line in texts for before, word in pairwise(["", *_WORDS.split(line)])]
+    for number, before, word in words:
+        quantity = next((q for q in ("force", "torque") if is_unit(word, q) and unit_size(word, q) != 1.0), None)
+        columns = [c for c in selection.columns if quantity and said.get(c.channel) == quantity]
+        if columns and not is_number(before):
+            choices = " ".join(f"--columns {shlex.quote(f'{c.channel}={c.name}:{word}')}" for c in columns)
+            raise ValueError(
+                f"{where}: line {number} speaks of '{word}', but column '{columns[0].name}' has no unit;"
+                f" say the units, e.g. {choices}"
+            )
 
 
 def numbered(names: Sequence[str]) -> list[str]:
@@ -368,18 +357,7 @@ def _select(names: Sequence[str], units: Sequence[str], where: str, choice: Colu
         names[int(c) - 1] if c and c not in names and _is_position(c, names) else c
         for c in (choice.trial_column, choice.phase_column)
     )
-    alone = ColumnChoice(columns, trial, phase)
-    with_rows = replace(alone, columns=[*columns, f"time={ROWS}:s"])
-    try:
-        return select_columns(names, where, alone, units)
-    except ValueError as error:
-        try:
-            selection = select_columns([*names, ROWS], where, with_rows, units)
-        except ValueError:
-            raise error from None
-        if choice.sampling_rate is None:
-            raise ValueError(f"{error}; without a time, say the rate of the rows, e.g. --sampling-rate 100") from None
-        return selection
+    return select_columns(names, where, replace(choice, columns=columns, trial_column=trial, phase_column=phase), units)
 
 
 def _by_name(text: str, names: Sequence[str]) -> str:
