@@ -90,7 +90,7 @@ def split(line: str, separator: str) -> list[str]:
     return [field.strip() for field in next(divided([line], separator), [])]
 
 
-def divided(lines: Iterable[str], separator: str, *, strict: bool = False) -> _csv._reader:
+def divided(lines: Iterable[str], separator: str, *, strict: bool = False) -> _csv.Reader:
     """Reads lines as records of fields; a field in double quotes may go on in the next line."""
     text = (line.replace("\t", " ") for line in lines) if separator == " " else lines
     return csv.reader(text, delimiter=separator, skipinitialspace=True, strict=strict)
