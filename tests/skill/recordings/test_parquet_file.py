@@ -197,7 +197,8 @@ def test_a_file_that_may_not_be_read_is_refused(tmp_path):
     wrench().to_parquet(path)
     np.savez(tmp_path / "a.npz", time=np.arange(3), wrench=np.zeros((3, 3)))
     write_db3(tmp_path / "a.db3", series())
-    code = "import os, sys, skill.recordings.bag, skill.recordings.parquet_file; from skill.recordings.reading import read_recordings\n"
+    code = "import os, sys, skill.recordings.bag, skill.recordings.parquet_file\n"
+    code += "from skill.recordings.reading import read_recordings\n"
     code += "os.geteuid() or os.seteuid(65534)\n"
     code += "for path in sys.argv[1:]:\n try: read_recordings(path)\n except ValueError as error: print(error)"
     paths = sorted(tmp_path.iterdir())
