@@ -30,6 +30,7 @@ from rosbags.interfaces import (
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.msg import normalize_msgtype
 from rosbags.typesys.store import Typestore
+from zstandard import ZstdDecompressor
 
 from skill.data.files import check_regular, no_access, one_line
 from skill.recordings.column_table import ColumnChoice, check_length, select_columns, table_recordings
@@ -265,7 +266,7 @@ def _take_messages(reader: _Reader, topic: str, samples: _Samples) -> None:
     decoders = {connection.id: _decoder(connection) for connection in connections}
     for connection, logged, data in reader.messages(connections):
         if data.startswith(ZSTD):
-            raise ValueError("its messages are compressed; read the folder with its metadata.yaml")
+            data = ZstdDecompressor().decompress(data, max_output_size=MAX_RECORD)
         message = decoders[connection.id](data, connection.msgtype)
         frame, stamp, wrench = "", 0.0, message
         if connection.msgtype == STAMPED:

@@ -1,7 +1,7 @@
 """Reads recordings from data sets of LeRobot, versions 2.1 and 3.0: one recording an episode.
 
-The format: `meta/info.json` describes the features, the Parquet files below `data` hold their frames, and
-`meta/episodes.jsonl` (2.1) or the Parquet files below `meta/episodes` (3.0) the lengths of the episodes.
+The format: `meta/info.json` describes the features and says how many episodes and frames there are; the Parquet files
+below `data` hold the frames.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import pyarrow as pa
 from skill.arrays import Array
 from skill.data.files import MAX_LENGTH, no_access, one_line, parse_object, read_bounded
 from skill.recordings.column_table import ColumnChoice, Selection, check_length, select_columns, table_recordings
-from skill.recordings.columns import FORCES, MOMENTS, PHASE_COLUMNS, label_column, listed
+from skill.recordings.columns import FORCES, MOMENTS, PHASE_COLUMNS, channel_of, label_column, listed
 from skill.recordings.parquet_file import check_type, plain_column, read_columns
 from skill.recordings.recording import MAX_SAMPLES, Recording
 
@@ -26,13 +26,10 @@ FEATURES = ("observation.wrench", "observation.environment_state", "observation.
 
 VERSIONS = ("v2.1", "v3.0")
 MAX_FILES = 10_000
-MAX_BYTES = 100_000_000
-"""Largest size of the list of episodes."""
-
 MAX_WIDTH = 1000
 """Largest number of numbers of a feature in one frame."""
 
-_EPISODE, _FRAME, _TIMESTAMP, _LENGTH = "episode_index", "frame_index", "timestamp", "length"
+_EPISODE, _FRAME, _TIMESTAMP = "episode_index", "frame_index", "timestamp"
 
 
 def read_lerobot_folder(
@@ -61,8 +58,7 @@ def read_lerobot_folder(
         tables.append(_part(part, feature, names, phase, fps))
         check_length(sum(map(len, tables)), str(path))
     table = pd.concat(tables, ignore_index=True)
-    episodes, frames = np.unique(table[_EPISODE].dropna().astype(int), return_counts=True)
-    _check_totals(path, info, dict(zip(episodes.tolist(), frames.tolist(), strict=True)))
+    _check_totals(path, info, table[_EPISODE])
     return table_recordings(
         table,
         Selection(selection.columns, _EPISODE, phase),
@@ -90,73 +86,32 @@ def _info(path: Path) -> dict[str, Any]:
     return info
 
 
-def _check_totals(path: Path, info: dict[str, Any], found: dict[int, int]) -> None:
-    """Refuses a data set that has not the episodes that it declares; ``found`` has the number of frames of each."""
-    for name in ("total_episodes", "total_frames"):
-        if info.get(name) is not None and (type(info[name]) is not int or info[name] < 0):
-            raise ValueError(f"{path}: {name} in meta/info.json is {info[name]!r:.40}, expected a whole number")
-    lengths = _lengths(path, info["codebase_version"])
-    total = info.get("total_episodes")
-    total = len(lengths or found) if total is None else total
-    declared = set(lengths) or (set(found) if total == len(found) else set(range(min(total, MAX_SAMPLES))))
-    wrong = {"missing": sorted(declared - set(found)), "not declared": sorted(set(found) - declared)}
-    if any(wrong.values()) or total != len(found):
-        names = "".join(f"; {what}: {listed(list(map(str, those)))}" for what, those in wrong.items() if those)
-        raise ValueError(f"{path}: {len(found)} episodes in the data, but its meta data declare {total}{names}")
-    others = [episode for episode in lengths if lengths[episode] != found[episode]]
-    if others:
-        first = others[0]
-        raise ValueError(
-            f"{path}: episode {first} has {found[first]} frames, but its meta data declare {lengths[first]}"
-            f" ({len(others)} such episodes)"
-        )
-    frames = sum(found.values())
-    if info.get("total_frames") not in (None, frames):
-        raise ValueError(f"{path}: {frames} frames in the data, but meta/info.json declares {info['total_frames']}")
-
-
-def _lengths(path: Path, version: str) -> dict[int, int]:
-    """The declared number of frames of each episode; empty if there is no list of them."""
-    if version == "v2.1":
-        file = path / "meta" / "episodes.jsonl"
-        try:
-            lines = [parse_object(line) for line in read_bounded(file, MAX_BYTES).splitlines() if line.strip()]
-            return {int(line[_EPISODE]): int(line[_LENGTH]) for line in lines}
-        except FileNotFoundError:
-            return {}
-        except (OSError, ValueError, TypeError, KeyError, OverflowError) as error:
-            raise ValueError(f"{file}: damaged ({one_line(error)})") from error
-    lengths: dict[int, int] = {}
-    for file in sorted((path / "meta" / "episodes").glob("chunk-*/*.parquet")):
-        rows = read_columns(file, lambda _: [_EPISODE, _LENGTH])
-        for name in (_EPISODE, _LENGTH):
-            if not pa.types.is_integer(rows[name].type) or rows[name].null_count:
-                raise ValueError(
-                    f"{file}: column '{name}' has type {rows[name].type}, expected a whole number in each row"
-                )
-        lengths |= zip(rows[_EPISODE].to_pylist(), rows[_LENGTH].to_pylist(), strict=True)
-    return lengths
+def _check_totals(path: Path, info: dict[str, Any], episodes: pd.Series) -> None:
+    """Refuses a data set that has not the episodes and frames that it declares; ``episodes`` has that of each frame."""
+    found = set(episodes.dropna().astype(int))
+    for what, count in (("episodes", len(found)), ("frames", len(episodes))):
+        declared = info.get(f"total_{what}", count)
+        if declared != count:
+            first = range(min(declared, MAX_SAMPLES)) if type(declared) is int else range(0)
+            missing = [str(k) for k in first if k not in found] if what == "episodes" else []
+            raise ValueError(
+                f"{path}: {count} {what} in the data, but meta/info.json declares {declared!r:.40}"
+                + (f"; missing: {listed(missing)}" if missing else "")
+            )
 
 
 def _feature(
     path: Path, features: dict[str, dict[str, Any]], wanted: str | None, choices: Sequence[str]
 ) -> tuple[str, list[str]]:
-    """The feature to read and the names of its numbers."""
+    """The feature to read, by default the first usual one with forces or a column of the user, and its names."""
     if wanted is not None and wanted not in features:
         raise ValueError(f"{path}: no feature '{wanted}'; features are {listed(list(features))}")
-    failures = []
+    said = {part for text in choices for part in (text.partition("=")[2], text.partition("=")[2].rpartition(":")[0])}
     for name in FEATURES if wanted is None else (wanted,):
-        if name not in features:
-            continue
-        names = _names(path, name, features[name])
-        try:
-            select_columns(["time", *names], name, ColumnChoice(choices))
-        except ValueError as error:
-            failures.append(str(error))
-        else:
+        names = _names(path, name, features[name]) if name in features else []
+        if wanted or any(channel_of(column) in FORCES or column in said for column in names):
             return name, names
-    found = "; ".join(failures) or f"features are {listed(list(features))}; choose one"
-    raise ValueError(f"{path}: no feature with forces: {found}")
+    raise ValueError(f"{path}: no feature with forces; features are {listed(list(features))}; say which one")
 
 
 def _names(path: Path, name: str, feature: dict[str, Any]) -> list[str]:

@@ -127,18 +127,10 @@ def check_type(field: pa.Field, where: str, *, number: bool) -> None:
     types, kind = pa.types, field.type
     if types.is_dictionary(kind):
         kind = kind.value_type
-    if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind) or types.is_null(kind):
-        return
-    if number or not (_is_text(kind) or types.is_boolean(kind) or types.is_date(kind) or _is_time(kind)):
+    numeric = types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind) or types.is_null(kind)
+    if types.is_nested(kind) or (number and not numeric):
         expected = "numbers" if number else "single values"
         raise ValueError(f"{where}: column '{field.name}' has type {str(field.type)[:60]}, expected {expected}")
-
-
-def _is_text(kind: pa.DataType) -> bool:
-    """Whether these are texts; some writers do not say that their bytes are."""
-    types = pa.types
-    text = types.is_string(kind) or types.is_large_string(kind) or types.is_string_view(kind)
-    return bool(text or _is_bytes(kind))
 
 
 def _is_bytes(kind: pa.DataType) -> bool:

@@ -132,10 +132,10 @@ def test_folders_of_ros_2_are_read_compressed_or_not(tmp_path, plugin, compressi
     np.testing.assert_allclose(found.time, START + 0.002 * np.arange(20), rtol=0, atol=1e-6)
 
 
-def test_a_file_of_compressed_messages_needs_its_folder(tmp_path):
-    write_folder(tmp_path / "bag", compression="MESSAGE")
-    with pytest.raises(ValueError, match=r"its messages are compressed; read the folder with its metadata.yaml"):
-        read_bag(tmp_path / "bag" / "bag.db3")
+def test_compressed_messages_are_read_without_their_folder(tmp_path):
+    numbers = write_folder(tmp_path / "bag", compression="MESSAGE")
+    [found] = read_bag(tmp_path / "bag" / "bag.db3")
+    np.testing.assert_array_equal(found.values, numbers)
 
 
 DECLARED = {  # what a folder declares wrongly, and what the refusal says

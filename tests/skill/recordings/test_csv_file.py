@@ -325,9 +325,6 @@ def test_limits(read, tmp_path, monkeypatch):
     monkeypatch.setattr(column_table, "MAX_SAMPLES", 2000)
     with pytest.raises(ValueError, match=r"snap\.csv: 3000 samples, expected at most 2000; lower the rate"):
         read(text)
-    monkeypatch.setattr(csv_file, "MAX_LINE", 1000)
-    with pytest.raises(ValueError, match=r"snap\.csv: a line of more than 1000 characters"):
-        read(HEADER + "0,1,2," + "3" * 2000)
     with pytest.raises(ValueError, match=r"nothing\.csv: no such file"):
         read_csv_file(tmp_path / "nothing.csv")
     with pytest.raises(ValueError, match="expected a file"):
