@@ -198,6 +198,4 @@ class NetFt:
 
     def _count(self, **more: int) -> None:
         with self._lock:
-            self._counts = replace(
-                self._counts, **{name: getattr(self._counts, name) + int(n) for name, n in more.items()}
-            )
+            self._counts = self._counts.plus(**more)

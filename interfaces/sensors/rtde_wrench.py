@@ -175,7 +175,7 @@ class RtdeWrench:
             try:
                 self._take(*self._message())
             except TimeoutError:
-                self._count(silences=1)
+                self._counts = self._counts.plus(silences=1)
             except OSError as error:
                 self._lost = str(error)
                 return
@@ -184,12 +184,12 @@ class RtdeWrench:
         if kind != b"U":  # a text, or the late answer to a request
             return
         if len(body) != PACKAGE.size:
-            self._count(received=1, malformed=1)
+            self._counts = self._counts.plus(received=1, malformed=1)
             return
         _, timestamp, *values, robot, safety = PACKAGE.unpack(body)
         number = round(timestamp / PERIOD)
         arrival = self._order.place(number, number)
-        self._count(
+        self._counts = self._counts.plus(
             received=1,
             doubled=arrival is Arrival.DOUBLED,
             restarts=arrival is Arrival.RESTARTED,
@@ -197,7 +197,3 @@ class RtdeWrench:
         )
         angles, rates, pose, wrench = np.array(values).reshape(4, 6)
         self._newest = ArmRecord(time.monotonic(), timestamp, angles, rates, pose, wrench, robot, safety)
-
-    def _count(self, **more: int) -> None:
-        found = {name: getattr(self._counts, name) + int(n) for name, n in more.items()}
-        self._counts = replace(self._counts, **found)

@@ -122,10 +122,8 @@ def check_pushes(pushes: Mapping[str, ArrayLike]) -> None:
             frame that the program believes to be S.
 
     Raises:
-        ValueError: if a push is too weak, or is not measured in its direction. The message says what was measured, and
-            what explains it.
+        ValueError: if a push is too weak, or is not measured in its direction. The message says what was measured.
     """
-    wrong = {}
     for direction, change in pushes.items():
         force = np.asarray(change, dtype=float)
         axis = int(np.abs(force).argmax())
@@ -136,14 +134,7 @@ def check_pushes(pushes: Mapping[str, ArrayLike]) -> None:
             )
         measured = ("+" if force[axis] > 0.0 else "-") + AXES[axis]
         if measured != direction:
-            wrong[direction] = measured
-    if not wrong:
-        return
-    seen = ", ".join(f"{direction} is measured as {measured}" for direction, measured in wrong.items())
-    if len(wrong) == len(pushes) and all(a[1] == b[1] for a, b in wrong.items()):
-        cause = "the sensor reports the force of the tool on the world: change the sign of all six numbers"
-    elif all(a[1] == b[1] for a, b in wrong.items()):
-        cause = "an axis has the wrong sign"
-    else:
-        cause = "the sensor is mounted turned, or its axes are swapped: correct the rotation from the flange to it"
-    raise ValueError(f"{seen}; {cause}")
+            raise ValueError(
+                f"{direction} is measured as {measured}; expected the force of the world on the tool, along the axes of"
+                " the flange: correct the signs of the sensor, or the rotation from the flange to it"
+            )

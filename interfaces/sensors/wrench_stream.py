@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 from typing import NamedTuple, Protocol
 
@@ -57,6 +57,10 @@ class StreamCounts:
     silences: int = 0
     restarts: int = 0
     unit_changes: int = 0
+
+    def plus(self, **more: int) -> StreamCounts:
+        """Returns the counts with more of some of them."""
+        return replace(self, **{name: getattr(self, name) + int(number) for name, number in more.items()})
 
     def text(self) -> str:
         """Returns the counts that are not zero, in words."""
