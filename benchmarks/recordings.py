@@ -1,7 +1,7 @@
 """Contact states that are discovered in recordings of a real sensor, against the phases of its controller.
 
     python -m benchmarks.recordings --data FILE.npz|FOLDER --train-trials A-B --test-trials C-D [--rate HZ] [--seed 0]
-                                    [--hours H] [--json FILE]
+                                    [--json FILE]
 
 The file has the arrays time (s), wrench (N and N m), trial and phase. A folder of simulated demonstrations serves too:
 the good ones, counted from 1, their wrenches with the noise of the rig's sensor; their phases are the exact contact
@@ -18,24 +18,18 @@ Change point detection (ruptures) learns nothing; its states are the segments of
 
 The last line says how well a filter tells the phase on line: each state stands for the phase that it has most often in
 training. Delay: time from a change of the phase to the first sample with this phase, over the recognised changes.
-
---hours also measures what long recordings cost: a Parquet file with the given hours at 1 kHz, made of the training
-trials one after the other, interpolated and with noise, is read, averaged and learnt from. CPU time on one core.
 """
 
 from __future__ import annotations
 
 import logging
 import re
-import resource
-import tempfile
 import time as clock
 import warnings
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import pandas as pd
 import ruptures
 import typer
 from sklearn.preprocessing import StandardScaler
@@ -66,8 +60,6 @@ from skill.recordings.recording import Recording
 from skill.states.contact_states import ContactStates
 
 WRENCH = MEASURED[:6]
-FAST = 1000.0  # sampling rate of the long recordings, Hz
-NOISE, OFFSET = 0.05, 0.1  # their standard deviations in the long recordings, in those of the channels
 
 
 def change_points(_: Samples, test: Samples, __: int, told: int | None) -> Found:
@@ -207,51 +199,12 @@ def lasting(phases: States) -> States:
     return np.repeat(found, lengths)
 
 
-def long_recordings(recordings: list[Recording], hours: float, seed: int, path: Path) -> int:
-    """Writes a table of the recordings in turn, at 1 kHz, until it lasts so long; returns its number of recordings."""
-    rng = np.random.default_rng(seed)
-    tables: list[pd.DataFrame] = []
-    seconds = 0.0
-    while seconds < 3600 * hours:
-        one = recordings[len(tables) % len(recordings)]
-        time = np.arange(one.time[0], one.time[-1], 1 / FAST)
-        values = np.column_stack([np.interp(time, one.time, channel) for channel in one.values.T])
-        spread = one.values.std(axis=0)
-        values += NOISE * spread * rng.normal(size=values.shape) + OFFSET * spread * rng.normal(size=len(spread))
-        tables.append(pd.DataFrame(values, columns=list(one.channels)).assign(time=time, trial=len(tables)))
-        seconds += one.duration
-    pd.concat(tables).to_parquet(path, index=False)
-    return len(tables)
-
-
-def cost(recordings: list[Recording], hours: float, rate: float, seed: int) -> dict[str, float]:
-    """CPU time, s, of the steps of `haptic-skill states` for hours at 1 kHz, and the peak memory of the process, GB."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "long.parquet"
-        number = long_recordings(recordings, hours, seed, path)
-        begins = [clock.process_time()]
-        long = read_recordings(path)
-    begins.append(clock.process_time())
-    averaged = [recording.averaged(rate) for recording in long]
-    begins.append(clock.process_time())
-    groups = np.repeat(np.arange(number), [len(recording.time) for recording in averaged])
-    X = StandardScaler().fit_transform(np.concatenate([recording.values for recording in averaged]))
-    learner = ContactStates(random_state=seed).fit(X, groups=groups)
-    begins.append(clock.process_time())
-    steps = dict(zip(("read_s", "average_s", "fit_s"), map(float, np.diff(begins)), strict=True))
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
-    return {"hours": hours, "recordings": number, "states": learner.n_clusters_, **steps, "peak_memory_gb": peak}
-
-
 def main(
     data: Annotated[Path, typer.Option(metavar="FILE|FOLDER", help="Recordings with known phases, or demonstrations.")],
     train_trials: Annotated[str, typer.Option(metavar="A-B", help="Trials to learn from.")],
     test_trials: Annotated[str, typer.Option(metavar="C-D", help="Trials to judge on.")],
     rate: Annotated[float, typer.Option(help="Hz; faster recordings are averaged.")] = 50.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the learners.")] = 0,
-    hours: Annotated[
-        float | None, typer.Option(min=1e-3, metavar="H", help="Also measure the cost of so many hours at 1 kHz.")
-    ] = None,
     json: JsonFile = None,
 ) -> None:
     warnings.simplefilter("ignore")
@@ -276,15 +229,6 @@ def main(
         f" {100 * line['recognised']:.0f} % of the changes are recognised, after {line['delay_mean_s']:.2f} s"
         f" on average and {line['delay_p90_s']:.2f} s for nine in ten"
     )
-    if hours is not None:
-        with threadpool_limits(1):
-            found["cost"] = cost(parts[0], hours, rate, seed)
-        line = found["cost"]
-        console.print(
-            f"{line['hours']:g} h at 1 kHz in {line['recordings']} recordings: {line['states']} states; CPU time of"
-            f" reading {line['read_s']:.1f} s, averaging {line['average_s']:.1f} s, learning {line['fit_s']:.0f} s;"
-            f" peak memory {line['peak_memory_gb']:.1f} GB"
-        )
     finish({"seed": seed, "rate": rate, **found}, json)
 
 

@@ -217,16 +217,12 @@ def _records(stream: Iterable[str], layout: Layout, where: str) -> Iterator[tupl
             )
         return True
 
-    rows = divided(feed(), layout.separator, strict=True)
-    while True:
-        inside = False
-        try:
-            row = next(rows)
-        except StopIteration:
-            return
-        except csv.Error as error:
-            raise ValueError(f"{where}: line {begin}: damaged text ({error})") from error
-        yield begin, row
+    try:
+        for row in divided(feed(), layout.separator, strict=True):
+            yield begin, row
+            inside = False
+    except csv.Error as error:
+        raise ValueError(f"{where}: line {begin}: damaged text ({error})") from error
 
 
 def _label_numbers(labels: list[str | float]) -> pd.Series:

@@ -33,7 +33,7 @@ def three_phases(n_trials=6):
 def test_figures_of_all_learners(tmp_path, capsys):
     data, out = tmp_path / "three.npz", tmp_path / "figures.json"
     np.savez(data, **three_phases())
-    main(data=data, train_trials="1-3", test_trials="4,5-6", hours=0.01, json=out)
+    main(data=data, train_trials="1-3", test_trials="4,5-6", json=out)
     figures = json.loads(out.read_text())
     keys = {"states", "ari", "nmi", "boundary_f1"}
     assert figures["states"] == 3
@@ -44,10 +44,6 @@ def test_figures_of_all_learners(tmp_path, capsys):
     assert figures["on_line"]["accuracy"] > 0.9
     assert 0.0 <= figures["on_line"]["delay_mean_s"] < 0.2
     assert "ContactStates" in capsys.readouterr().out
-    cost = figures["cost"]
-    assert cost["recordings"] >= 36 / 3.6  # of at most 3.6 s each
-    assert cost["states"] >= 3
-    assert min(cost[key] for key in ("read_s", "average_s", "fit_s", "peak_memory_gb")) > 0.0
 
 
 def samples(**changes):
