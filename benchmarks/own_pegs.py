@@ -56,7 +56,6 @@ from experiments.demonstration_set import demonstrate_all, requests
 from experiments.trial.run_trial import run_trials
 from interfaces.terminal import progress, say
 from models.clearance import TRIED, doubts
-from models.contact_geometry import PegInHole
 from models.contact_theory import (
     exact_wedging_tilt,
     largest_entry_tilt,
@@ -113,7 +112,7 @@ def laws(scenario: Scenario, seed: int) -> dict[str, Any]:
     off_floor = tilts[two_point_depth(tilts, **size) + sizes.r * np.sin(tilts) < 0.95 * bore]
     if len(off_floor) > 0:
         probe, push = ExactProbe(converged(scenario, FRICTION), **PRESSED), PUSH * min(1.0, g.clearance / FULL_PUSH)
-        found["depth"] = press(probe, sizes, PegInHole.of(g), float(off_floor[0]), push)["depth_error"]
+        found["depth"] = press(probe, sizes, g.assembly, float(off_floor[0]), push)["depth_error"]
     if two_point_tilt(middle, **size) < SMALL_TILT * np.arctan(FRICTION) and middle > ROOM:
         probe, moment = ExactProbe(converged(scenario, FRICTION), **CRAWLING), CONTACT * middle
         predicted, measured = crawl(probe, sizes, FRICTION, lateral=0.0, moment=moment, depth=middle)

@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context, EventStatus
 from experiments.provenance import versions
 from experiments.trial.jamming import is_jammed
 from experiments.trial.penetration import deepest_overlap
-from models.contact_geometry import rotations_of_vectors
+from models.exact_geometry import rotations_of_vectors
 from models.scenario import Scenario, dump_scenario
 from skill.data.demonstration import Demonstration
 from skill.data.outcome import Ending, Outcome

@@ -1,7 +1,7 @@
 """A peg and a hole of several sections that mate: the steps of a shaft, or the pins of a plug.
 
 All sections of the peg are rigidly joined, and so are those of the hole. A part that mates in one section is the
-special case of one. Frames H and P are those of `models.contact_geometry`; P is at the tip that is furthest in.
+special case of one. Frames H and P are those of `models.exact_geometry`; P is at the tip that is furthest in.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from models import Array
-from models.contact_geometry import Contacts, PegInHole, label_contacts
+from models.contact_search import Bodies, contact_labels, lowest_gaps
 from models.meshes import TriangleMesh, make_hole, make_prism
-from models.section import section_of
+from models.section import Section, section_of
 
 
 @dataclass(frozen=True)
@@ -26,14 +26,20 @@ class Mate:
     """A section of the peg, and one of the hole into which it goes or through which it passes.
 
     Attributes:
-        bodies: both sections, the depth of the floor below this mouth, and the chamfer.
+        peg: section of the peg, m.
+        hole: that of the hole, which holds it, m.
+        depth: of the floor below this mouth, m.
+        chamfer: width and height of the 45 degree chamfer, m; 0 for a sharp edge.
         tip: (3,), centre of the section's tip in P, m.
         mouth: (3,), centre of the mouth in H, m.
         top: height in P at which a wider section of the same axis begins, or the peg ends, m.
         bottom: height in H at which a narrower hole of the same axis begins, or the floor, m.
     """
 
-    bodies: PegInHole
+    peg: Section
+    hole: Section
+    depth: float
+    chamfer: float
     tip: Array
     mouth: Array
     top: float
@@ -68,15 +74,15 @@ class Assembly:
             wider = [other for other in rows if row.holds(other)]
             narrower = [other for other in rows if other.holds(row)]
             peg, depth = shape.scaled(row.radius), geometry.hole_depth - row.mouth
-            own = PegInHole(peg, peg.offset(clearance), depth, geometry.chamfer)
             top = min([other.tip for other in wider], default=geometry.peg_length)
             bottom = -min([other.mouth for other in narrower], default=geometry.hole_depth)
-            fits.append(Mate(own, np.array([row.x, row.y, row.tip]), np.array([row.x, row.y, -row.mouth]), top, bottom))
+            tip, mouth = np.array([row.x, row.y, row.tip]), np.array([row.x, row.y, -row.mouth])
+            fits.append(Mate(peg, peg.offset(clearance), depth, geometry.chamfer, tip, mouth, top, bottom))
             for other in wider:
                 # The floor belongs to the narrower hole.
                 hole = shape.scaled(other.radius).offset(clearance)
-                through = replace(own, hole=hole, hole_depth=2.0 * geometry.hole_depth)
-                passes.append(replace(fits[-1], bodies=through, mouth=np.array([row.x, row.y, -other.mouth])))
+                mouth = np.array([row.x, row.y, -other.mouth])
+                passes.append(replace(fits[-1], hole=hole, depth=2.0 * geometry.hole_depth, mouth=mouth))
         return cls(tuple(fits), tuple(passes))
 
     @property
@@ -87,42 +93,39 @@ class Assembly:
     @cached_property
     def reach(self) -> float:
         """Radius of a circle about the axis that holds the peg, m; the smallest one if it is centred."""
-        return max(math.hypot(*mate.tip[:2]) + mate.bodies.peg.outer_radius for mate in self.fits)
+        return max(math.hypot(*mate.tip[:2]) + mate.peg.outer_radius for mate in self.fits)
 
     @cached_property
     def mouth_reach(self) -> float:
         """The same of the mouth, with its chamfer, m."""
-        return max(
-            math.hypot(*mate.mouth[:2]) + mate.bodies.hole.offset(mate.bodies.chamfer).outer_radius
-            for mate in self.fits
-        )
+        return max(math.hypot(*mate.mouth[:2]) + mate.hole.offset(mate.chamfer).outer_radius for mate in self.fits)
 
     @cached_property
     def volume(self) -> float:
         """Volume of the peg, m^3."""
-        return float(sum(mate.bodies.peg.area * (mate.top - mate.tip[2]) for mate in self.fits))
+        return float(sum(mate.peg.area * (mate.top - mate.tip[2]) for mate in self.fits))
 
-    def contacts(self, p_HP: ArrayLike, R_HP: ArrayLike) -> Contacts:
-        """Returns the candidate contacts of all mates; see `models.contact_geometry.PegInHole.contacts`."""
-        p, R = np.asarray(p_HP, dtype=np.float64), np.asarray(R_HP, dtype=np.float64)
-        parts = []
-        for mate in self.mates:
-            found = mate.bodies.contacts(p + R @ mate.tip - mate.mouth, R)
-            parts.append(replace(found, point=found.point + mate.mouth))
-        columns = [[getattr(part, name) for part in parts] for name in Contacts.__dataclass_fields__]
-        return Contacts(*(np.concatenate(column, axis=1) for column in columns))
+    @cached_property
+    def bodies(self) -> Bodies:
+        """What the contact search takes, without a law of the contact."""
+        return Bodies.of_mates(self.mates)
 
     def gap(self, p_HP: ArrayLike, R_HP: ArrayLike) -> Array:
-        """Returns the signed gap (n,), m; see `models.contact_geometry.PegInHole.gap`."""
-        return np.asarray(self.contacts(p_HP, R_HP).gap.min(axis=1))
+        """Returns the signed gap (n,), m: the distance between peg and block, or minus their deepest overlap.
+
+        Args:
+            p_HP: Centres of the tip (n, 3), m.
+            R_HP: Rotations (n, 3, 3); the peg's axis is less than 45 degrees from z of H.
+        """
+        return np.asarray(lowest_gaps(self.bodies, *_poses(p_HP, R_HP)))
 
     def label(self, p_HP: ArrayLike, R_HP: ArrayLike, *, tolerance: float = 0.0) -> NDArray[np.intp]:
-        """Returns the `ContactLabel` of each pose (n,); see `models.contact_geometry.PegInHole.label`."""
-        return label_contacts(self.contacts(p_HP, R_HP), tolerance=tolerance)
+        """Returns the `ContactLabel` of each pose (n,), see `gap`; a gap of up to ``tolerance`` (m) is a contact."""
+        return np.asarray(contact_labels(self.bodies, *_poses(p_HP, R_HP), tolerance))
 
     def peg_mesh(self, facets: int) -> TriangleMesh:
         """Returns the surface of the peg for pictures."""
-        meshes = [make_prism(mate.bodies.peg, mate.top - mate.tip[2], facets) for mate in self.fits]
+        meshes = [make_prism(mate.peg, mate.top - mate.tip[2], facets) for mate in self.fits]
         return _joined(meshes, [mate.tip for mate in self.fits])
 
     def block_mesh(self, facets: int, *, block_radius: float, floor: float) -> TriangleMesh:
@@ -132,10 +135,10 @@ class Assembly:
             deepest, top = mates[0], float(mates[-1].mouth[2])
             meshes.append(
                 make_hole(
-                    section=deepest.bodies.hole,
+                    section=deepest.hole,
                     depth=top - deepest.bottom,
-                    wider=[(mate.bodies.hole, top - mate.bottom) for mate in mates[1:]],
-                    chamfer=deepest.bodies.chamfer,
+                    wider=[(mate.hole, top - mate.bottom) for mate in mates[1:]],
+                    chamfer=deepest.chamfer,
                     facets=facets,
                     block_radius=self.sleeve_radius(mates, block_radius),
                     floor=floor,
@@ -147,10 +150,10 @@ class Assembly:
 
     def sleeve_radius(self, mates: Sequence[Mate], block_radius: float) -> float:
         """Returns the radius of what is drawn around the holes of an axis, m: the block, if there is no other axis."""
-        place, hole = mates[0].mouth[:2], mates[-1].bodies.hole
+        place, hole = mates[0].mouth[:2], mates[-1].hole
         others = [mate for mate in self.fits if (mate.mouth[:2] != place).any()]
-        apart = [math.hypot(*(mate.mouth[:2] - place)) - mate.bodies.hole.outer_radius for mate in others]
-        own = hole.offset(mates[-1].bodies.chamfer).outer_radius
+        apart = [math.hypot(*(mate.mouth[:2] - place)) - mate.hole.outer_radius for mate in others]
+        own = hole.offset(mates[-1].chamfer).outer_radius
         return 0.5 * (own + min(apart)) if apart else block_radius
 
     def axes(self) -> list[tuple[Array, list[Mate]]]:
@@ -202,6 +205,10 @@ def _check(rows: Sequence[Row], geometry: Any, widest: float) -> None:
             raise ValueError(f"mate {k}: its hole ends {1e3 * (bottom - row.mouth):.3g} mm below its mouth")
         if geometry.hole_depth - row.tip > bottom:
             raise ValueError(f"mate {k}: its tip would be below the bottom of its hole when the peg is inserted")
+
+
+def _poses(p_HP: ArrayLike, R_HP: ArrayLike) -> tuple[Array, Array]:
+    return np.ascontiguousarray(p_HP, dtype=np.float64), np.ascontiguousarray(R_HP, dtype=np.float64)
 
 
 def _joined(meshes: Sequence[TriangleMesh], places: Sequence[Array]) -> TriangleMesh:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compiled import compiled
+from models.contact_search import Bodies, deepest_overlap
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import Outcome
@@ -26,7 +27,6 @@ from systems.math.noise import standard_normals
 from systems.plant.contact_forces import FORCE, JOINED_SIZE, MAX_JOINED, join_contacts, needs_contacts
 from systems.plant.contact_plant import DIVERGENCE_FORCE, NominalBodies
 from systems.plant.exact_contact import STEPS
-from systems.plant.exact_gaps import Bodies, deepest_overlap
 from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, tip_in_hole
 from systems.rig_diagram import start_angles
 from systems.steps import dc_motor, drive_monitor, sensor_monitor, stepper_motor, watchdog

@@ -2,7 +2,7 @@
 
     python -m benchmarks.learners.contact_states [--demonstrations FOLDER] [--seed 0] [--json FILE]
 
-Each recorded sample is labelled from its pose by `models.contact_geometry`; no learner sees a label. All learners get
+Each recorded sample is labelled from its pose by `models.exact_geometry`; no learner sees a label. All learners get
 the same features of the same refined samples, with sensor noise: those by which the skill distinguishes states
 (`ContactFeatures`, measured and hidden). Where a learner has a floor under the variances, it is the skill's. Two rows
 undo these choices: "no floor", and "... and regressor's features" (`CanonicalFeatures`). "ContactStates" is the learner
@@ -58,7 +58,7 @@ from benchmarks.learners.state_learners import (
 )
 from benchmarks.state_scores import recognition
 from interfaces.terminal import progress
-from models.contact_geometry import ContactLabel
+from models.exact_geometry import ContactLabel
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.expectation_maximization import CovariancePrior, components_of_partition

@@ -9,7 +9,7 @@ import pandas as pd
 
 from benchmarks.learners.state_learners import Samples
 from experiments.exact_states import exact_bodies
-from models.contact_geometry import rotations_of_vectors
+from models.exact_geometry import rotations_of_vectors
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration
 from skill.data.refinement import refine_demonstration, with_following_actions

@@ -52,7 +52,6 @@ from benchmarks.physics.contact_measurements import (
 from benchmarks.physics.contact_probe import ContactProbe
 from interfaces.terminal import progress
 from models.clearance import numerics_of_clearance
-from models.contact_geometry import PegInHole
 from models.contact_theory import (
     exact_wedging_tilt,
     largest_entry_tilt,
@@ -118,7 +117,7 @@ def measure(scenario: Scenario, points: int) -> dict[str, Any]:
     probe = ContactProbe(scenario, **PRESSED)
     tilts = largest * np.array(TILTS)
     depths = np.array([measured_two_point_depth(probe, sizes, tilt) for tilt in tilts])
-    bodies, clearance = PegInHole.of(scenario.geometry), scenario.geometry.clearance
+    bodies, clearance = scenario.geometry.assembly, scenario.geometry.clearance
     pressed = [press(ContactProbe(scenario, **PRESSED), sizes, bodies, tilts[0], force) for force in PUSHES]
     wedge, _ = measured_wedging_tilt(scenario, friction, numerics=unchanged)
     wedges = wedge / exact_wedging_tilt(**size, friction=friction) - 1.0

@@ -18,10 +18,10 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from benchmarks.command_line import JsonFile, finish, run
 from benchmarks.physics.contact_probe import PosedMeshes
+from models.contact_search import Bodies, deepest_overlap
 from models.contact_theory import largest_clocking
 from models.scenario import Geometry, Scenario, load_scenario
 from models.section import KIND, NAMES, SIZE, C, S, Section, X, Y, point_on
-from systems.plant.exact_gaps import Bodies, deepest_overlap
 
 DEPTH = 0.010
 """Depth of the tip, m."""
@@ -47,7 +47,7 @@ def law(g: Geometry) -> float:
     """Returns the largest angle by the law, rad."""
     if g.mates:
         return min(2.0 * math.asin(0.5 * g.clearance / math.hypot(*row[:2])) for row in g.mates)
-    return largest_clocking(*zip(*corners_of(g.assembly.fits[0].bodies.peg), strict=True), clearance=g.clearance)
+    return largest_clocking(*zip(*corners_of(g.assembly.fits[0].peg), strict=True), clearance=g.clearance)
 
 
 def largest(touches: Callable[[float], bool]) -> float:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydrake.math import RigidTransform, RotationMatrix
 
 from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe, PosedMeshes
-from models.contact_geometry import PegInHole, rotations_of_vectors
+from models.assembly import Assembly
 from models.contact_theory import (
     jamming_load,
     largest_entry_tilt,
@@ -28,6 +28,7 @@ from models.contact_theory import (
     two_point_tilt,
     wedging_tilt,
 )
+from models.exact_geometry import rotations_of_vectors
 from models.scenario import Scenario
 from models.section import rounded_corners
 from skill.arrays import Array
@@ -120,7 +121,7 @@ class PegTheory:
     @classmethod
     def of(cls, scenario: Scenario) -> PegTheory:
         """The sizes of a scenario's geometry."""
-        bodies = PegInHole.of(scenario.geometry)
+        bodies = scenario.geometry.assembly.fits[0]
         return cls(bodies.peg.reach(1.0, 0.0), bodies.hole.reach(1.0, 0.0), -bodies.chamfer)
 
     def two_point_pose(self, tilt: float, depth: float) -> PlanarPose:
@@ -304,7 +305,7 @@ def crawl(
     return float(two_point_axial_force(lateral, moment, depth=now, **law)), np.array(resisted)
 
 
-def press(probe: PlanarProbe, sizes: PegTheory, bodies: PegInHole, tilt: float, force: float) -> dict[str, float]:
+def press(probe: PlanarProbe, sizes: PegTheory, bodies: Assembly, tilt: float, force: float) -> dict[str, float]:
     """Pushes the peg at a fixed tilt until it is at rest.
 
     Args:
@@ -428,4 +429,4 @@ def mouth_gaps(scenario: Scenario, *, count: int, seed: int) -> Array:
             free, touching = (free, p[2]) if meshes.touch(RigidTransform(R_HP, p)) else (p[2], touching)
         centres.append(np.array([p[0], p[1], free]))
         turns.append(R_HP.matrix())
-    return PegInHole.of(g).gap(centres, turns)
+    return g.assembly.gap(centres, turns)

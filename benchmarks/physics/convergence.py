@@ -48,7 +48,7 @@ from benchmarks.physics.contact_measurements import (
 from benchmarks.physics.contact_probe import ContactProbe, PlanarProbe
 from benchmarks.physics.exact_probe import ExactProbe
 from interfaces.terminal import progress
-from models.contact_geometry import PegInHole
+from models.assembly import Assembly
 from models.contact_theory import two_point_depth, two_point_push_moment
 from models.scenario import Scenario
 
@@ -107,7 +107,7 @@ class Case:
     name: str
     probe: Callable[..., PlanarProbe]
     scenario: Scenario
-    bodies: PegInHole
+    bodies: Assembly
 
 
 def drake_case(setting: dict[str, Any]) -> Case:
@@ -121,7 +121,7 @@ def drake_case(setting: dict[str, Any]) -> Case:
         geometry.hole_radius /= np.cos(np.pi / geometry.facets)
     probe = partial(ContactProbe, scenario, matched=matched, sharp=setting.get("mouth") == "sharp")
     text = ", ".join(f"{name} {value}" for name, value in setting.items()) or "default"
-    return Case(text, probe, scenario, PegInHole.of(geometry))
+    return Case(text, probe, scenario, geometry.assembly)
 
 
 def exact_cases() -> Iterator[Case]:
@@ -131,7 +131,7 @@ def exact_cases() -> Iterator[Case]:
         scenario.contact.stiffness = stiffness
         probe = partial(ExactProbe, scenario, time_step=step)
         name = f"exact, {stiffness:g} N/m, {1e3 * step:g} ms"
-        yield Case(name, probe, scenario, PegInHole.of(scenario.geometry))
+        yield Case(name, probe, scenario, scenario.geometry.assembly)
 
 
 def mujoco_cases() -> Iterator[Case]:
@@ -149,7 +149,7 @@ def mujoco_cases() -> Iterator[Case]:
         ("distances to 1 um", replace(rig, precision=1e-6)),
     ):
         probe = partial(MujocoProbe, scenario, contact)
-        yield Case(f"MuJoCo, {name}", probe, scenario, PegInHole.of(scenario.geometry))
+        yield Case(f"MuJoCo, {name}", probe, scenario, scenario.geometry.assembly)
 
 
 def measure(case: Case) -> dict[str, float]:

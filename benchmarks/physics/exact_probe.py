@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from benchmarks.physics.contact_probe import AXES, PlanarPose
+from models.contact_search import Bodies
 from models.scenario import Scenario
 from skill.arrays import Array
 from systems.plant.exact_contact import STEPS
-from systems.plant.exact_gaps import Bodies
 from systems.plant.exact_peg import advance_peg
 
 PLANE = [3, 5, 1]

@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform
 from experiments.trial.diagram_trial import TrialRun
 from experiments.trial.penetration import MIN_UPRIGHT
 from experiments.trial.trial_result import TrialResult
-from models.contact_geometry import ContactLabel
+from models.exact_geometry import ContactLabel
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import UNPHYSICAL, Outcome

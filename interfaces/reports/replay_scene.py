@@ -142,11 +142,11 @@ def _draw_block(node: meshcat.Visualizer, size: PegHoleGeometry) -> None:
 
     assembly = Assembly.of(size)
     for i, (axis, mates) in enumerate(assembly.axes()):
-        wall = mates[0].bodies.hole.polyline(size.facets)
+        wall = mates[0].hole.polyline(size.facets)
         around = assembly.sleeve_radius(mates, size.block_radius) * wall / np.hypot(wall[:, 0], wall[:, 1])[:, None]
         edges = [(around, mates[0].bottom - size.floor), (around, mates[-1].mouth[2])]
         for mate in reversed(mates):
-            hole, mouth = mate.bodies.hole, mate.mouth[2]
+            hole, mouth = mate.hole, mate.mouth[2]
             wall, rim = hole.polyline(size.facets), hole.offset(size.chamfer).polyline(size.facets)
             edges += [(rim, mouth), (wall, mouth - size.chamfer), (wall, mate.bottom)]
         chosen = cutaway_columns(wall)
@@ -169,7 +169,7 @@ def _draw_peg(node: meshcat.Visualizer, motion: Motion) -> None:
     material = shapes.MeshPhongMaterial(color=first_colour, shininess=25, flatShading=True)
     node["body"].set_object(shapes.TriangularMeshGeometry(peg.vertices, peg.triangles), material)
     for i, mate in enumerate(assembly.fits):
-        mark = mate.bodies.peg.scaled(1.0005).polyline(FACETS) + mate.tip[:2]
+        mark = mate.peg.scaled(1.0005).polyline(FACETS) + mate.tip[:2]
         for k, z in enumerate(np.arange(mate.tip[2], mate.top, MARK_SPACING)):
             _draw_line(node[f"mark{i}_{k}"], _at_height(np.vstack([mark, mark[:1]]), float(z)))
 

@@ -46,7 +46,6 @@ from pydrake.systems.framework import Context, DiagramBuilder, InputPort, Output
 from pydrake.systems.primitives import ConstantVectorSource
 
 import models
-from models.contact_geometry import PegInHole
 from models.hardware import STEEL
 from models.meshes import BrokenEdge, TriangleMesh, make_hole, make_peg
 from models.scenario import FREE_FIXTURE, Geometry, Scenario
@@ -439,7 +438,7 @@ def finish_contact_plant(
     AddContactMaterial(dissipation=contact.dissipation, friction=friction, properties=compliant)
     solid = shape
     if not g.is_round:
-        solid = _in_memory(make_peg(PegInHole.of(g).peg, g.peg_length, g.facets).to_vtk(), ".vtk")
+        solid = _in_memory(make_peg(g.assembly.fits[0].peg, g.peg_length, g.facets).to_vtk(), ".vtk")
     plant.RegisterCollisionGeometry(peg, X_PC, solid, "peg", compliant)
 
     plant.Finalize()
@@ -469,7 +468,7 @@ def _in_memory(text: str, extension: str) -> Mesh:
 def _hole_mesh(g: Geometry, edge: BrokenEdge | None, *, inside: bool) -> Mesh:
     """Returns the mesh of the block; the arguments are those of `make_hole`."""
     mesh = make_hole(
-        section=PegInHole.of(g).hole,
+        section=g.assembly.fits[0].hole,
         depth=g.hole_depth,
         chamfer=g.chamfer,
         facets=g.facets,

@@ -13,11 +13,11 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from compiled import compiled
 from models import Array
-from models.contact_geometry import TINY
+from models.contact_search import MAX_CONTACTS, Bodies, find_contacts
+from models.exact_geometry import TINY
 from models.scenario import Scenario
 from systems.math.rotation import free_body_pose
 from systems.plant.exact_contact import STEPS, match, solve_contacts, tangents
-from systems.plant.exact_gaps import MAX_CONTACTS, Bodies, find_contacts
 
 
 @compiled
@@ -71,7 +71,7 @@ def advance_peg(
     """Takes ``count`` time steps.
 
     Args:
-        bodies: `systems.plant.exact_gaps.Bodies`.
+        bodies: `models.contact_search.Bodies`.
         inertia: (6,), of rotation about the tip, three times the same, kg m^2, and masses, kg.
         damping: (6,), N m s/rad and N s/m.
         free: (6,), 1 for each freedom, or 0 where it is locked.

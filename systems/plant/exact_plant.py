@@ -20,11 +20,11 @@ from pydrake.systems.framework import (
 
 from compiled import compiled
 from models import Array
+from models.contact_search import MAX_CONTACTS, Bodies, Numbers, find_contacts
 from models.scenario import Scenario
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.contact_plant import AddRigPlant
 from systems.plant.exact_contact import STEPS, match, solve_contacts, tangents
-from systems.plant.exact_gaps import MAX_CONTACTS, Bodies, Numbers, find_contacts
 from systems.plant.rig_plant import stepper_axes
 
 FREEDOMS = 6

@@ -14,12 +14,12 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from compiled import compiled
 from models import Array
 from models.arm import ArmParameters
+from models.contact_search import Bodies
 from models.hardware import GRAVITY, STEEL
 from models.scenario import Scenario
 from systems.math.rotation import free_body_pose
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.exact_contact import STEPS
-from systems.plant.exact_gaps import Bodies
 from systems.plant.exact_peg import advance_peg, product, rotation_of, turn
 
 

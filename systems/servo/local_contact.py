@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.math import RigidTransform
 
+from models.contact_search import MAX_CONTACTS
 from skill.arrays import Array
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from systems.plant.contact_forces import FACE_NORMAL
-from systems.plant.exact_gaps import MAX_CONTACTS
 
 SECTORS, LAYERS = 8, 2
 """Faces are joined that push in the same of eight directions, in the same of two halves of the contact's height."""

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from experiments.exact_states import exact_labels, give_names
-from models.contact_geometry import ContactLabel
+from models.exact_geometry import ContactLabel
 from skill.data.demonstration import Demonstration
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.learners.labelled_demonstrations import label_demonstrations
-from models.contact_geometry import ContactLabel
+from models.exact_geometry import ContactLabel
 
 
 @pytest.fixture(scope="module")

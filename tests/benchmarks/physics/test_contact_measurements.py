@@ -20,7 +20,6 @@ from benchmarks.physics.contact_measurements import (
 )
 from benchmarks.physics.contact_probe import ContactProbe, PosedMeshes
 from benchmarks.physics.exact_probe import ExactProbe
-from models.contact_geometry import PegInHole
 from models.contact_theory import exact_wedging_tilt, largest_entry_tilt, two_point_depth
 from models.scenario import Scenario
 from models.section import CORNER
@@ -89,7 +88,7 @@ def test_the_depth_at_rest_converges_with_the_stiffness_and_not_with_the_step():
         scenario = Scenario()
         scenario.contact.stiffness = stiffness
         probe = ExactProbe(scenario, time_step=step, **PRESSED)
-        row = press(probe, PegTheory.of(scenario), PegInHole.of(scenario.geometry), np.radians(1.0), 5.0)
+        row = press(probe, PegTheory.of(scenario), scenario.geometry.assembly, np.radians(1.0), 5.0)
         errors[stiffness, step] = row["depth_error"]
     assert 0.03 < errors[1e7, 2.5e-4] < 0.05
     assert errors[1e8, 1e-4] == pytest.approx(errors[1e8, 2.5e-4], abs=1e-3)

@@ -8,7 +8,7 @@ mujoco = pytest.importorskip("mujoco", reason="needs the extra [peers]")
 
 from benchmarks.physics.contact_probe import PlanarPose  # noqa: E402
 from benchmarks.physics.mujoco_probe import MujocoContact, MujocoProbe  # noqa: E402
-from models.contact_geometry import PegInHole, rotations_of_vectors  # noqa: E402
+from models.exact_geometry import rotations_of_vectors  # noqa: E402
 from models.scenario import Scenario  # noqa: E402
 
 
@@ -18,11 +18,10 @@ def test_the_ring_of_boxes_has_the_gap_of_the_exact_bore(tilt, deep):
     """The overlap of some micrometres is the same by exact geometry and in MuJoCo."""
     scenario = Scenario()
     g = scenario.geometry
-    bodies = PegInHole.of(g)
     probe = MujocoProbe(scenario, MujocoContact())
     rng = np.random.default_rng(1)
     p = np.column_stack([rng.uniform(-4e-4, 4e-4, 300), np.zeros(300), rng.uniform(*deep, 300)])
-    gaps = bodies.gap(p, rotations_of_vectors(np.tile([0.0, tilt, 0.0], (300, 1))))
+    gaps = g.assembly.gap(p, rotations_of_vectors(np.tile([0.0, tilt, 0.0], (300, 1))))
     overlapping = (gaps > -3e-5) & (gaps < -1e-6)
     assert overlapping.sum() > 3
     for (x, _, z), gap in zip(p[overlapping], gaps[overlapping], strict=True):

@@ -19,7 +19,6 @@ from experiments.trial.trial_set import (
     trial_scenario,
 )
 from models.clearance import start_of_clearance
-from models.contact_geometry import PegInHole
 from models.scenario import Scenario, parse_scenario, resolve_scenario
 from skill.features.measurement import contact_loads
 from skill.manipulation_skill import ManipulationSkill
@@ -95,7 +94,7 @@ def test_the_result_agrees_with_the_recorded_samples(inserted):
 def test_the_penetration_is_the_overlap_of_the_round_bodies_at_the_recorded_poses(inserted):
     """The recorded poses lack the lateral deflection of the mount, which bounds the difference."""
     scenario, result, run = inserted
-    bodies = PegInHole.of(scenario.geometry)
+    bodies = scenario.geometry.assembly
     s = run.samples
     # The hole turns about its pivot, by pitch and then by yaw; the peg stays upright and close to its axis.
     R_WH = Rotation.from_euler("XY", s[["pitch", "yaw"]].to_numpy())

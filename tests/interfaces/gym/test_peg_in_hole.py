@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 
 from experiments.trial.trial_set import TrialSet, trial_scenario
 from interfaces.gym.peg_in_hole import FIRST_DRAWN, PegInHole
-from models.contact_geometry import ContactLabel
+from models.exact_geometry import ContactLabel
 from models.scenario import Scenario
 from systems.plant.contact_plant import PEG_COLOUR
 from systems.rig import MakeRig

@@ -10,7 +10,6 @@ import yaml
 from models.cad.pair import ANGLES, fit
 from models.cad.part_file import part_text, remarks, scenario_of
 from models.cad.solid import read_solid
-from models.contact_geometry import PegInHole
 from models.scenario import load_scenario
 from models.section import section_of
 from tests.models.cad.bodies import block, circle, lofted, peg, save
@@ -45,7 +44,7 @@ def test_the_clearance_of_a_section_is_that_of_its_bodies(tmp_path, shape):
     assert (found.chamfer, found.chamfer_height) == pytest.approx((6e-4, 6e-4), rel=0.02)
     scenario = scenario_of(found)
     assert scenario.geometry.clearance == pytest.approx(4e-5, abs=2e-8)
-    made, drawn = PegInHole.of(scenario.geometry).peg, section_of(shape).scaled(0.008)
+    made, drawn = scenario.geometry.assembly.fits[0].peg, section_of(shape).scaled(0.008)
     assert made.area == pytest.approx(drawn.area, rel=1e-5)
     assert (made.order, made.mirror is None) == (drawn.order, drawn.mirror is None)
 

@@ -5,139 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.contact_geometry import PegInHole, Surface, rotations_of_vectors
-from models.scenario import Scenario, load_scenario
-from models.section import CORNER, NAMES
+from models.contact_search import Bodies
+from models.scenario import Scenario
 from systems.plant.exact_contact import ROUNDS, friction_impulse, normal_impulse, solve_contacts, tangents
-from systems.plant.exact_gaps import (
-    COLUMNS,
-    GAP,
-    MAX_CONTACTS,
-    NORMAL,
-    REACH,
-    SURFACE,
-    Bodies,
-    deepest_overlap,
-    find_contacts,
-    find_minima,
-)
 from systems.plant.exact_peg import advance_peg
 
-BODIES, GEOMETRY = Bodies.of(Scenario()), PegInHole.of(Scenario().geometry)
+BODIES = Bodies.of(Scenario())
 STEP = 2.5e-4
 positive = st.floats(1e-3, 1e3)
-
-
-@pytest.mark.slow
-def test_the_minima_of_the_gap_are_those_of_the_exact_geometry():
-    rng, n = np.random.default_rng(5), 10_000
-    p = np.column_stack([rng.uniform(-3e-4, 3e-4, (n, 2)), rng.uniform(-0.026, 0.001, n)])
-    R = rotations_of_vectors(np.column_stack([rng.uniform(-0.04, 0.04, (n, 2)), np.zeros(n)]))
-    expected = GEOMETRY.contacts(p, R)
-    minima, touching, turned = np.empty((MAX_CONTACTS, COLUMNS)), 0, 0
-    for k in range(n):
-        found = minima[: find_minima(BODIES, 0, p[k], R[k, :, 0].copy(), R[k, :, 1].copy(), minima)]
-        near = expected.gap[k] < REACH
-        touching += near.any()
-        # The floor has one minimum, and three points on which a flat tip rests.
-        walls, floor = (
-            near & (expected.surface[k] != Surface.RIM_FLOOR),
-            near & (expected.surface[k] == Surface.RIM_FLOOR),
-        )
-        rests, order = found[found[:, SURFACE] == Surface.RIM_FLOOR], np.flatnonzero(walls)
-        found = found[found[:, SURFACE] != Surface.RIM_FLOOR]
-        found, order = found[np.argsort(found[:, GAP])], order[np.argsort(expected.gap[k][order])]
-        np.testing.assert_allclose(found[:, GAP], expected.gap[k][order], rtol=0, atol=1e-9)
-        turned += np.abs(found[:, NORMAL] - expected.normal[k][order]).max(initial=0.0) > 1e-5
-        if floor.any():
-            assert rests[:, GAP].min() == pytest.approx(expected.gap[k][floor].min(), abs=1e-12)
-    assert touching > n / 3
-    assert turned < n / 100  # on a corner, or between equal gaps, another normal is as right
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES[1:])
-def test_the_lowest_gap_is_that_of_the_exact_geometry_for_every_section(name):
-    scenario = Scenario()
-    scenario.geometry.section = name
-    bodies, rng, n = Bodies.of(scenario), np.random.default_rng(7), 1000
-    p = np.column_stack([rng.uniform(-8e-5, 8e-5, (n, 2)), rng.uniform(-0.0252, 0.0005, n)])
-    tilts = rng.uniform(-0.02, 0.02, (n, 2)) * np.where(p[:, 2:] < -2e-3, 0.05, 1.0)
-    R = rotations_of_vectors(np.column_stack([tilts, rng.uniform(-0.002, 0.002, n)]))
-    expected, minima = PegInHole.of(scenario.geometry).gap(p, R), np.empty((MAX_CONTACTS, COLUMNS))
-    for k in range(n):
-        count = find_minima(bodies, 0, p[k], R[k, :, 0].copy(), R[k, :, 1].copy(), minima)
-        if expected[k] < REACH:
-            assert minima[:count, GAP].min() == pytest.approx(expected[k], abs=1e-9)
-        else:
-            assert count == 0
-    assert 0.1 < (expected < REACH).mean() < 0.95
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["two_pin_plug", "stepped_shaft"])
-def test_the_lowest_gap_is_that_of_the_exact_geometry_where_two_sections_mate(name):
-    scenario = load_scenario(name)
-    bodies, rng, n = Bodies.of(scenario), np.random.default_rng(8), 1000
-    p = np.column_stack([rng.uniform(-8e-5, 8e-5, (n, 2)), rng.uniform(-0.0252, 0.0005, n)])
-    R = rotations_of_vectors(np.column_stack([rng.uniform(-0.006, 0.006, (n, 2)), rng.uniform(-0.005, 0.005, n)]))
-    expected = scenario.geometry.assembly.gap(p, R)
-    overlaps = np.array([deepest_overlap(bodies, *pose(p, R, k)) for k in range(n)])
-    np.testing.assert_allclose(overlaps, np.maximum(0.0, -expected), rtol=0, atol=1e-9)
-    gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
-    counts = [find_contacts(bodies, *pose(p, R, k), gap, point, normal, np.empty(MAX_CONTACTS, int)) for k in range(n)]
-    np.testing.assert_array_equal(np.array(counts) > 0, expected < REACH)
-    assert 0.1 < (overlaps > 0.0).mean() < 0.95
-
-
-def pose(p, R, k):
-    """Returns pose k as `find_contacts` takes it."""
-    return p[k], R[k, :, 0].copy(), R[k, :, 1].copy()
-
-
-def test_a_side_that_lies_flat_on_a_wall_touches_at_its_four_corners_once():
-    """The arc beside each corner of the side touches there too."""
-    scenario = Scenario()
-    scenario.geometry.section = "square"
-    g, minima = scenario.geometry, np.empty((MAX_CONTACTS, COLUMNS))
-    p, straight = np.array([g.clearance + 1e-6, 0.0, -0.01]), g.peg_radius * (1.0 - CORNER)
-    found = minima[: find_minima(Bodies.of(scenario), 0, p, np.eye(3)[0], np.eye(3)[1], minima)]
-    np.testing.assert_allclose(found[:, GAP], -1e-6, atol=1e-12)
-    np.testing.assert_allclose(found[:, NORMAL], [[-1.0, 0.0, 0.0]] * 4, atol=1e-9)
-    corners = [(side * straight, z) for z in (-0.01, -g.chamfer) for side in (-1.0, 1.0)]
-    np.testing.assert_allclose(sorted(map(tuple, found[:, 2:4])), sorted(corners), atol=1e-9)
-
-
-def contacts_at(p, R):
-    """Returns gaps, normals and surfaces of the contacts of a pose."""
-    gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
-    surface = np.empty(MAX_CONTACTS, np.int64)
-    count = find_contacts(BODIES, p, R[:, 0].copy(), R[:, 1].copy(), gap, point, normal, surface)
-    return gap[:count], normal[:count], surface[:count]
-
-
-def test_normals_are_the_slopes_of_gaps_and_do_not_jump_where_bodies_touch():
-    """Also where the rim crosses an edge of the chamfer: there the nearest surface jumps at the first overlap."""
-    rng = np.random.default_rng(2)
-    crossings, errors, turns = 0, [], []
-    step = np.array([0.0, 0.0, 2e-7])
-    drawn = rng.uniform([-0.04, -0.04, -3e-4, -3e-4], [0.04, 0.04, 3e-4, 3e-4], (300, 4))
-    rotations, sides = rotations_of_vectors(np.column_stack([drawn[:, :2], np.zeros(300)])), drawn[:, 2:]
-    low, high = np.full(300, -0.02), np.full(300, 0.001)
-    for _ in range(60):  # down to the height at which the bodies touch
-        middle = 0.5 * (low + high)
-        touches = GEOMETRY.gap(np.column_stack([sides, middle]), rotations) < 0.0
-        low, high = np.where(touches, middle, low), np.where(touches, high, middle)
-    for R, p in zip(rotations, np.column_stack([sides, high]), strict=True):
-        (gap, normal, surface), (lower_gap, lower_normal, _) = contacts_at(p + step, R), contacts_at(p - step, R)
-        assert len(gap) == len(lower_gap) > 0
-        errors.append(np.abs(lower_gap - gap + step[2] * (normal + lower_normal)[:, 2]).max())
-        turns.append(np.abs(lower_normal - normal).max())
-        crossings += (surface >= Surface.OUTER_EDGE).any()
-    assert crossings > 100
-    # The rest touches within a micrometre of an edge, where another contact appears.
-    assert np.quantile(errors, 0.98) < 5e-9
-    assert np.quantile(turns, 0.98) < 0.03
 
 
 @given(st.floats(-1e-5, 1e-5), st.floats(-0.05, 0.05), positive)

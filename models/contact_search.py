@@ -1,22 +1,28 @@
-"""Where a rigid peg and a rigid hole touch or nearly do, in closed form, compiled.
+"""Where a rigid peg and a rigid hole touch or nearly do, compiled.
 
-The contacts are the local minima of the gap on the three curves of `models.contact_geometry`, whose formulas are
-compiled here, and the ends of straight pieces, on which a side lies flat. Nothing here uses Drake.
+The contacts are the local minima of the gap on the three curves of `models.exact_geometry`, and the ends of straight
+pieces, on which a side lies flat.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compiled import compiled
 from models import Array
-from models.contact_geometry import (
+from models.exact_geometry import (
+    FACE,
+    FAR,
+    FLOOR,
+    INNER,
+    OUTER,
     TINY,
+    WALL,
     curve_pieces,
     edge_gap,
     is_nearest,
@@ -24,8 +30,11 @@ from models.contact_geometry import (
     rim_gap,
     surface_pieces,
 )
-from models.scenario import Scenario
 from models.section import KIND, SIZE, SPAN, START, C, S, Section, X, Y, point_on
+
+if TYPE_CHECKING:
+    from models.assembly import Mate
+    from models.scenario import Scenario
 
 Numbers = NDArray[np.int64]
 
@@ -40,11 +49,8 @@ SAMPLES = 48
 MIN_INTERVALS = 4
 """Least number of intervals between samples on an arc of a curve."""
 
-DIP = 2.0 * REACH
-"""Largest gap at the nearer sample of a contact, m."""
-
-DEEP = 2e-3
-"""Depth below a surface, m, at which a point is beside another piece of the outline; overlaps are smaller."""
+DIP = REACH
+"""By how much a gap is lower between two samples than at the nearer one, at most, m."""
 
 MAX_SEARCH = 60
 FLAT, NARROW, SHALLOW = 1e-10, 2e-3, 1e-14
@@ -57,13 +63,16 @@ SAME_PLACE, SAME_NORMAL = 1e-4, 0.999
 CROSSING = 1e-4
 """Largest distance between the minima on the rim and on an edge where these cross, m."""
 
-RIM, FLOOR, OUTER, INNER = 0, 3, 4, 5
-"""Curves, by the number of their first `models.contact_geometry.Surface`."""
+RIM = FACE
+"""The rim as a curve; the curves have the number of the first surface that touches there."""
 
-
-GAP, POINT, NORMAL, SURFACE, OUT, COLUMNS = 0, slice(1, 4), slice(4, 7), 7, slice(8, 10), 10
+GAP, POINT, NORMAL, SURFACE, OUT, BESIDE, COLUMNS = 0, slice(1, 4), slice(4, 7), 7, slice(8, 10), 10, 11
 """Columns of a contact: gap (m), point on the hole and normal in H, surface, and the outward normal of its curve, in P
-on the rim and in H on an edge, or zero at the end of a segment; and their number."""
+on the rim and in H on an edge, or zero at the end of a segment; 1 where an edge touches the side of the peg, and not
+its tip; and their number."""
+
+FREE, ON_FACE, ON_CHAMFER, AT_MOUTH, AT_TIP, TWO_POINT, LINE, SEATED = range(8)
+"""Numbers of the members of `ContactLabel`."""
 
 
 class Curve(NamedTuple):
@@ -205,16 +214,22 @@ class Bodies(NamedTuple):
     @classmethod
     def of(cls, scenario: Scenario) -> Self:
         """Returns the bodies of a scenario."""
-        g, contact = scenario.geometry, scenario.contact
-        mates = g.assembly.mates
-        holes, pegs = [mate.bodies.hole for mate in mates], [mate.bodies.peg for mate in mates]
+        contact = scenario.contact
+        return cls.of_mates(scenario.geometry.assembly.mates)._replace(
+            friction=contact.friction, stiffness=contact.stiffness, dissipation=contact.dissipation
+        )
+
+    @classmethod
+    def of_mates(cls, mates: Sequence[Mate]) -> Self:
+        """Returns the bodies of mates, without a law of their contact."""
+        holes, pegs = [mate.hole for mate in mates], [mate.peg for mate in mates]
         walls = [surface_pieces(hole, inside=True) for hole in holes]
         sides = [surface_pieces(peg, inside=False) for peg in pegs]
         return cls(
             tips=np.array([mate.tip for mate in mates]),
             mouths=np.array([mate.mouth for mate in mates]),
             rim=Curve.of(pegs),
-            outer=Curve.of([hole.offset(g.chamfer) for hole in holes]),
+            outer=Curve.of([mate.hole.offset(mate.chamfer) for mate in mates]),
             inner=Curve.of(holes),
             walls=np.concatenate(walls),
             sides=np.concatenate(sides),
@@ -224,11 +239,11 @@ class Bodies(NamedTuple):
             side_boxes=boxes_of(np.concatenate(sides)),
             r=np.array([peg.outer_radius for peg in pegs]),
             clearance=np.array([hole.inner_radius - peg.inner_radius for hole, peg in zip(holes, pegs, strict=True)]),
-            depth=np.array([mate.bodies.hole_depth for mate in mates]),
-            chamfer=g.chamfer,
-            friction=contact.friction,
-            stiffness=contact.stiffness,
-            dissipation=contact.dissipation,
+            depth=np.array([mate.depth for mate in mates]),
+            chamfer=mates[0].chamfer,
+            friction=0.0,
+            stiffness=0.0,
+            dissipation=0.0,
         )
 
 
@@ -253,7 +268,8 @@ def on_curve(
 
     Returns:
         The gap (m), its slope over the place (m/rad, or m/m), point on the hole (3), normal (3) and surface; all in H.
-        Then the outward normal of the curve (2), and the coordinates of its point in the plane of the other outline.
+        Then the outward normal of the curve (2), whether an edge is beside the peg, and the coordinates of the point in
+        the plane of the other outline.
     """
     if piece[KIND] == 0.0:
         c, s, r = piece[S], -piece[C], 0.0
@@ -269,19 +285,19 @@ def on_curve(
         gap, n_x, n_y, n_z, kind = rim_gap(chamfer, outside, r_x, r_y, size, z)
         along_u, along_v = n_x * u[0] + n_y * u[1] + n_z * u[2], n_x * v[0] + n_y * v[1] + n_z * v[2]
         slope = t_y * along_v + t_x * along_u
-        at_x, at_y = x, y
+        at_x, at_y, beside = x, y, False
         x, y, z = x - gap * n_x, y - gap * n_y, z - gap * n_z
     else:
         x, y, z = x_c + r * c, y_c + r * s, height_of(chamfer, circle)
         d_x, d_y, d_z = x - p[0], y - p[1], z - p[2]
-        gap, n_x, n_y, n_z, _ = edge_gap(surface, d_x, d_y, d_z, u[0], u[1], u[2], v[0], v[1], v[2])
+        gap, n_x, n_y, n_z, beside = edge_gap(surface, d_x, d_y, d_z, u[0], u[1], u[2], v[0], v[1], v[2])
         slope = -t_x * n_x - t_y * n_y
         at_x, at_y = d_x * u[0] + d_y * u[1] + d_z * u[2], d_x * v[0] + d_y * v[1] + d_z * v[2]
         kind = circle
     if r > 0.0:
         slope *= r
     sign = -1.0 if piece[KIND] < 0.0 else 1.0
-    return gap, slope, x, y, z, n_x, n_y, n_z, kind, sign * c, sign * s, at_x, at_y
+    return gap, slope, x, y, z, n_x, n_y, n_z, kind, sign * c, sign * s, beside, at_x, at_y
 
 
 @compiled
@@ -370,29 +386,30 @@ def lowest_place(
 
 
 @compiled
-def find_minima(bodies: Bodies, mate: int, p: Array, u: Array, v: Array, found: Array) -> int:
-    """Finds the minima of the gap that are below `REACH`, on the rim and on both edges, and the points on the floor.
+def find_minima(bodies: Bodies, mate: int, p: Array, u: Array, v: Array, reach: float, found: Array) -> int:
+    """Finds the minima of the gap that are below ``reach``, on the rim and on both edges, and the points on the floor.
 
     Args:
         bodies: see `find_contacts`.
         mate: number of the mate.
-        p: (3,), centre of its tip from the centre of its mouth, in H, m.
+        p: see `find_contacts`.
         u: see `find_contacts`.
         v: likewise.
-        found: (MAX_CONTACTS, COLUMNS), receives the minima.
+        reach: m.
+        found: (MAX_CONTACTS, COLUMNS), receives the minima, their points from the centre of the mate's mouth.
 
     Returns:
         The number of minima.
     """
-    count = 0
+    p, count = tip_in_mouth(bodies, mate, p, u, v), 0
     r = bodies.r[mate]
     lowest = p[2] - r * math.hypot(u[2], v[2])
-    if lowest > REACH:
+    if lowest > reach:
         return count
     chamfer, a_z = bodies.chamfer, u[0] * v[1] - u[1] * v[0]
     # By as much as the peg is off the axis, tilted and turned, it can touch a piece beside its own.
     turn = abs(u[1]) + abs(v[0]) + abs(u[2]) + abs(v[2]) + (1.0 - u[0]) + (1.0 - v[1])
-    reach = math.hypot(p[0], p[1]) + abs(p[2]) * (abs(u[2]) + abs(v[2])) + r * turn + chamfer + 5.0 * REACH
+    near = math.hypot(p[0], p[1]) + abs(p[2]) * (abs(u[2]) + abs(v[2])) + r * turn + chamfer + 5.0 * reach
     # By as much the outline of a tilted and turned peg, cut by a plane across the hole, can be outside of itself.
     swept = r * (abs(u[1]) + abs(v[0]) + (1.0 - u[0]) + (1.0 - v[1]) + (1.0 / a_z - 1.0))
     for circle in (RIM, OUTER, INNER):
@@ -403,7 +420,7 @@ def find_minima(bodies: Bodies, mate: int, p: Array, u: Array, v: Array, found: 
         first = count
         # No gap on the curve is below a bound that takes no samples.
         if circle == RIM:
-            if bodies.inner.inner[mate] - math.hypot(p[0], p[1]) - r > REACH:
+            if bodies.inner.inner[mate] - math.hypot(p[0], p[1]) - r > reach:
                 continue
         else:
             a_x, a_y = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2]
@@ -411,7 +428,7 @@ def find_minima(bodies: Bodies, mate: int, p: Array, u: Array, v: Array, found: 
             up = (height - p[2]) / a_z
             off = math.hypot(p[0] + up * a_x, p[1] + up * a_y)
             apart_by = bodies.clearance[mate] + (chamfer if circle == OUTER else 0.0)
-            if max(lowest - height, a_z * (curve.inner[mate] - off) - r, a_z * (apart_by - off) - swept) > REACH:
+            if max(lowest - height, a_z * (curve.inner[mate] - off) - r, a_z * (apart_by - off) - swept) > reach:
                 continue
         for j in range(curve.mates[mate], curve.mates[mate + 1]):
             piece = row_of(curve.pieces, j)
@@ -419,18 +436,18 @@ def find_minima(bodies: Bodies, mate: int, p: Array, u: Array, v: Array, found: 
             places, x, y = curve.places[begin:end], curve.x[begin:end], curve.y[begin:end]
             t_x, t_y = curve.t_x[begin:end], curve.t_y[begin:end]
             for k in range(len(others)):
-                if apart(curve.boxes[j], boxes[k]) <= reach:
+                if apart(curve.boxes[j], boxes[k]) <= near:
                     count = add_minima(
-                        chamfer, circle, piece, places, x, y, t_x, t_y, others, k, p, u, v, found, first, count
+                        chamfer, circle, piece, places, x, y, t_x, t_y, others, k, p, u, v, reach, found, first, count
                     )
         for j in range(curve.mate_ends[mate], curve.mate_ends[mate + 1]):
             end_x, end_y = curve.ends[j, 0], curve.ends[j, 1]
             for k in range(len(others)):
-                if apart(curve.ends[j], boxes[k]) <= reach:
-                    count = add_end(chamfer, circle, end_x, end_y, others, k, p, u, v, found, first, count)
+                if apart(curve.ends[j], boxes[k]) <= near:
+                    count = add_end(chamfer, circle, end_x, end_y, others, k, p, u, v, reach, found, first, count)
     depth, rim = bodies.depth[mate], bodies.rim
-    if lowest + depth < REACH:
-        count = add_floor_points(rim.pieces[rim.mates[mate] : rim.mates[mate + 1]], depth, p, u, v, found, count)
+    if lowest + depth < reach:
+        count = add_floor_points(rim.pieces[rim.mates[mate] : rim.mates[mate + 1]], depth, p, u, v, reach, found, count)
     return count
 
 
@@ -456,6 +473,7 @@ def add_minima(
     p: Array,
     u: Array,
     v: Array,
+    reach: float,
     found: Array,
     first: int,
     count: int,
@@ -466,18 +484,18 @@ def add_minima(
     sample_gaps(chamfer, circle, other, x, y, t_x, t_y, p, u, v, gaps, slopes)
     for k in range(n - 1):
         falling, rising = slopes[k], slopes[k + 1]
-        if falling > 0.0 or rising <= 0.0 or max(gaps[k], gaps[k + 1]) < -DEEP:
+        if falling > 0.0 or rising <= 0.0:
             continue
         if piece[KIND] == 0.0:  # along a line a gap is convex, and above its tangents
             meet = (gaps[k + 1] - gaps[k] - rising * (places[k + 1] - places[k])) / (falling - rising)
-            if gaps[k] + falling * meet > REACH:
+            if gaps[k] + falling * meet > reach:
                 continue
-        elif min(gaps[k], gaps[k + 1]) > DIP:  # on a smooth stretch it dips between samples by less than this
+        elif min(gaps[k], gaps[k + 1]) > reach + DIP:
             continue
         t = lowest_place(
             chamfer, circle, piece, other, places[k], places[k + 1], gaps[k], gaps[k + 1], falling, rising, p, u, v
         )
-        count = add_contact(on_curve(chamfer, circle, piece, other, t, p, u, v), others, o, found, first, count)
+        count = add_contact(on_curve(chamfer, circle, piece, other, t, p, u, v), others, o, reach, found, first, count)
     return count
 
 
@@ -492,6 +510,7 @@ def add_end(
     p: Array,
     u: Array,
     v: Array,
+    reach: float,
     found: Array,
     first: int,
     count: int,
@@ -499,22 +518,20 @@ def add_end(
     """Adds the end of a segment of a curve, if it is near piece ``o`` of the other body; returns the count."""
     still = (0.0, x, y, 1.0, 0.0, 0.0, 0.0, 0.0)  # a segment without a length
     contact = on_curve(chamfer, circle, still, row_of(others, o), 0.0, p, u, v)
-    if contact[0] < -DEEP:
-        return count
-    gap, slope, x, y, z, n_x, n_y, n_z, kind, _, _, at_x, at_y = contact
-    end = (gap, slope, x, y, z, n_x, n_y, n_z, kind, 0.0, 0.0, at_x, at_y)
-    return add_contact(end, others, o, found, first, count)
+    gap, slope, x, y, z, n_x, n_y, n_z, kind, _, _, beside, at_x, at_y = contact
+    end = (gap, slope, x, y, z, n_x, n_y, n_z, kind, 0.0, 0.0, beside, at_x, at_y)
+    return add_contact(end, others, o, reach, found, first, count)
 
 
 @compiled
-def add_contact(contact: Any, others: Array, o: int, found: Array, first: int, count: int) -> int:
+def add_contact(contact: Any, others: Array, o: int, reach: float, found: Array, first: int, count: int) -> int:
     """Adds a contact of `on_curve` if it is near, and piece ``o`` the nearest one; returns the count.
 
     Of two contacts at one place on a curve, such as the end of a segment and the arc beside it, the deeper one stays.
     Those of this curve begin at ``first``.
     """
-    gap, _, x, y, z, n_x, n_y, n_z, kind, c, s, at_x, at_y = contact
-    if not (gap < REACH and is_nearest(others, o, at_x, at_y)):
+    gap, _, x, y, z, n_x, n_y, n_z, kind, c, s, beside, at_x, at_y = contact
+    if not (gap < reach and is_nearest(others, o, at_x, at_y)):
         return count
     place = count
     for i in range(first, count):
@@ -527,12 +544,14 @@ def add_contact(contact: Any, others: Array, o: int, found: Array, first: int, c
         return count
     row = found[place]
     row[0], row[1], row[2], row[3] = gap, x, y, z
-    row[4], row[5], row[6], row[7], row[8], row[9] = n_x, n_y, n_z, kind, c, s
+    row[4], row[5], row[6], row[7], row[8], row[9], row[10] = n_x, n_y, n_z, kind, c, s, beside
     return max(count, place + 1)
 
 
 @compiled
-def add_floor_points(rim: Array, depth: float, p: Array, u: Array, v: Array, found: Array, count: int) -> int:
+def add_floor_points(
+    rim: Array, depth: float, p: Array, u: Array, v: Array, reach: float, found: Array, count: int
+) -> int:
     """Adds the points of the tip that are on the floor: the furthest downhill, and at 120 degrees to both sides."""
     first = math.atan2(-v[2], -u[2])
     for k in range(3):
@@ -544,7 +563,7 @@ def add_floor_points(rim: Array, depth: float, p: Array, u: Array, v: Array, fou
         for i in range(3):
             row[1 + i] = p[i] + r * (c * u[i] + s * v[i]) + (x * u[i] + y * v[i])
         gap = row[3] + depth
-        if gap < REACH:
+        if gap < reach:
             row[0], row[3], row[6], row[7], row[8], row[9] = gap, -depth, 1.0, FLOOR, c, s
             count += 1
     return count
@@ -610,7 +629,7 @@ def deepest_overlap(bodies: Bodies, p: Array, u: Array, v: Array) -> float:
     """Returns the deepest overlap of a pose, m, or 0; see `find_contacts`."""
     found, deepest = np.empty((MAX_CONTACTS, COLUMNS)), 0.0
     for mate in range(len(bodies.tips)):
-        for i in range(find_minima(bodies, mate, tip_in_mouth(bodies, mate, p, u, v), u, v, found)):
+        for i in range(find_minima(bodies, mate, p, u, v, REACH, found)):
             deepest = max(deepest, -found[i, GAP])
     return deepest
 
@@ -643,7 +662,7 @@ def find_contacts(
     for mate in range(len(bodies.tips)):
         mouth = bodies.mouths[mate]
         first = count
-        number = find_minima(bodies, mate, tip_in_mouth(bodies, mate, p, u, v), u, v, found)
+        number = find_minima(bodies, mate, p, u, v, REACH, found)
         for e in range(number):
             row, kind, crosses = found[e], int(found[e, SURFACE]), False
             if kind >= OUTER and (row[8] != 0.0 or row[9] != 0.0):
@@ -669,3 +688,74 @@ def find_contacts(
             for j in range(3):
                 point[i, j] += mouth[j]
     return count
+
+
+@compiled
+def lowest_gaps(bodies: Bodies, p_HP: Array, R_HP: Array) -> Array:
+    """Returns the signed gaps (n,), m: the distance between peg and block, or minus their deepest overlap.
+
+    Args:
+        bodies: `Bodies`.
+        p_HP: (n, 3), centres of the tip, m.
+        R_HP: (n, 3, 3), rotations; the peg's axis is less than 45 degrees from z of H.
+    """
+    found, lowest = np.empty((MAX_CONTACTS, COLUMNS)), np.full(len(p_HP), FAR)
+    for k in range(len(p_HP)):
+        u, v, reach = R_HP[k, :, 0].copy(), R_HP[k, :, 1].copy(), REACH
+        while lowest[k] == FAR and reach < FAR:
+            for mate in range(len(bodies.tips)):
+                for i in range(find_minima(bodies, mate, p_HP[k], u, v, reach, found)):
+                    lowest[k] = min(lowest[k], found[i, GAP])
+            reach *= 4.0
+    return lowest
+
+
+@compiled
+def contact_labels(bodies: Bodies, p_HP: Array, R_HP: Array, tolerance: float) -> Numbers:
+    """Returns the numbers (n,) of the `ContactLabel` of poses, see `lowest_gaps`.
+
+    Args:
+        bodies: `Bodies`.
+        p_HP: (n, 3), m.
+        R_HP: (n, 3, 3).
+        tolerance: largest gap that counts as contact, m, below `REACH`.
+    """
+    found, labels = np.empty((MAX_CONTACTS, COLUMNS)), np.empty(len(p_HP), np.int64)
+    touching = np.empty((MAX_CONTACTS * len(bodies.tips), COLUMNS))
+    for k in range(len(p_HP)):
+        u, v, count = R_HP[k, :, 0].copy(), R_HP[k, :, 1].copy(), 0
+        for mate in range(len(bodies.tips)):
+            for i in range(find_minima(bodies, mate, p_HP[k], u, v, REACH, found)):
+                if found[i, GAP] <= tolerance:
+                    touching[count] = found[i]
+                    count += 1
+        labels[k] = label_of(touching[:count])
+    return labels
+
+
+@compiled
+def label_of(contacts: Array) -> int:
+    """Returns the number of the `ContactLabel` of a pose with these contacts (n, COLUMNS)."""
+    face, chamfer = FAR, FAR
+    mouth = tip = both = opposite = False
+    for i in range(len(contacts)):
+        row, kind, beside = contacts[i], contacts[i, SURFACE], contacts[i, BESIDE] == 1.0
+        if kind == FLOOR:
+            return SEATED
+        if kind == FACE or (kind == OUTER and not beside):
+            face = min(face, row[GAP])
+        elif kind == WALL:
+            tip = True
+        elif kind == INNER and beside:
+            mouth = True
+            for j in range(len(contacts)):
+                if contacts[j, SURFACE] == WALL:
+                    both = True
+                    opposite = opposite or row[4] * contacts[j, 4] + row[5] * contacts[j, 5] < 0.0
+        else:
+            chamfer = min(chamfer, row[GAP])
+    if min(face, chamfer) < FAR:
+        return ON_FACE if face <= chamfer else ON_CHAMFER
+    if both:
+        return TWO_POINT if opposite else LINE
+    return AT_MOUTH if mouth else AT_TIP if tip else FREE
