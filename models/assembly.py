@@ -17,33 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from models import Array
 from models.contact_search import Bodies, contact_labels, lowest_gaps
+from models.exact_geometry import Mate
 from models.meshes import TriangleMesh, make_hole, make_prism
-from models.section import Section, section_of
-
-
-@dataclass(frozen=True)
-class Mate:
-    """A section of the peg, and one of the hole into which it goes or through which it passes.
-
-    Attributes:
-        peg: section of the peg, m.
-        hole: that of the hole, which holds it, m.
-        depth: of the floor below this mouth, m.
-        chamfer: width and height of the 45 degree chamfer, m; 0 for a sharp edge.
-        tip: (3,), centre of the section's tip in P, m.
-        mouth: (3,), centre of the mouth in H, m.
-        top: height in P at which a wider section of the same axis begins, or the peg ends, m.
-        bottom: height in H at which a narrower hole of the same axis begins, or the floor, m.
-    """
-
-    peg: Section
-    hole: Section
-    depth: float
-    chamfer: float
-    tip: Array
-    mouth: Array
-    top: float
-    bottom: float
+from models.section import section_of
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from models.exact_geometry import (
     OUTER,
     TINY,
     WALL,
+    Mate,
     curve_pieces,
     edge_gap,
     is_nearest,
@@ -31,10 +32,6 @@ from models.exact_geometry import (
     surface_pieces,
 )
 from models.section import KIND, SIZE, SPAN, START, C, S, Section, X, Y, point_on
-
-if TYPE_CHECKING:
-    from models.assembly import Mate
-    from models.scenario import Scenario
 
 Numbers = NDArray[np.int64]
 
@@ -212,8 +209,8 @@ class Bodies(NamedTuple):
     dissipation: float
 
     @classmethod
-    def of(cls, scenario: Scenario) -> Self:
-        """Returns the bodies of a scenario."""
+    def of(cls, scenario: Any) -> Self:
+        """Returns the bodies of a `models.scenario.Scenario`."""
         contact = scenario.contact
         return cls.of_mates(scenario.geometry.assembly.mates)._replace(
             friction=contact.friction, stiffness=contact.stiffness, dissipation=contact.dissipation

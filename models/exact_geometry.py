@@ -17,6 +17,7 @@ face and z along the peg, away from the tip. The top face of the block is unboun
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,31 @@ class ContactLabel(LabelledEnum):
     TWO_POINT = 5, "two-point contact"
     LINE = 6, "line contact"
     SEATED = 7, "seated"
+
+
+@dataclass(frozen=True)
+class Mate:
+    """A section of the peg, and one of the hole into which it goes or through which it passes.
+
+    Attributes:
+        peg: section of the peg, m.
+        hole: that of the hole, which holds it, m.
+        depth: of the floor below this mouth, m.
+        chamfer: width and height of the 45 degree chamfer, m; 0 for a sharp edge.
+        tip: (3,), centre of the section's tip in P, m.
+        mouth: (3,), centre of the mouth in H, m.
+        top: height in P at which a wider section of the same axis begins, or the peg ends, m.
+        bottom: height in H at which a narrower hole of the same axis begins, or the floor, m.
+    """
+
+    peg: Section
+    hole: Section
+    depth: float
+    chamfer: float
+    tip: Array
+    mouth: Array
+    top: float
+    bottom: float
 
 
 def curve_pieces(section: Section) -> Array:
