@@ -25,14 +25,14 @@ class Recording:
     Attributes:
         name: where it is from, for messages and titles, such as "snap.csv, trial 3".
         time: (n,) time of each sample, s, strictly increasing; intervals may differ and there may be gaps.
-        values: (n, d) samples, SI units.
+        values: (n, d) samples, finite, SI units.
         channels: d names such as "fx", each once.
         phases: (n,) integers or texts, the known phase of each sample; None where there are none.
         trial: what its file calls the trial, such as "3"; empty where a file is one recording.
 
     Raises:
-        ValueError: if a shape does not fit, a number is not finite, the time does not increase, there are fewer than
-            two samples, or a name occurs twice. The message begins with the name of the recording.
+        ValueError: if a shape does not fit, the time does not increase, or there are fewer than two samples. The
+            message begins with the name of the recording.
     """
 
     name: str
@@ -43,45 +43,22 @@ class Recording:
     trial: str = ""
 
     def __post_init__(self) -> None:
-        try:
-            object.__setattr__(self, "time", np.asarray(self.time, dtype=float))
-            object.__setattr__(self, "values", np.asarray(self.values, dtype=float))
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{self.name}: the samples are not numbers ({error})") from error
+        object.__setattr__(self, "time", np.asarray(self.time, dtype=float))
+        object.__setattr__(self, "values", np.asarray(self.values, dtype=float))
         object.__setattr__(self, "channels", tuple(self.channels))
-        self._check_channels()
         self._check_time()
         if self.values.shape != (len(self.time), len(self.channels)):
             expected = (len(self.time), len(self.channels))
             raise ValueError(f"{self.name}: values of shape {self.values.shape}, expected {expected}")
-        bad = np.argwhere(~np.isfinite(self.values))
-        if bad.size:
-            row, column = bad[0]
-            raise ValueError(
-                f"{self.name}: channel '{self.channels[column]}' is not finite in sample {row}"
-                f" ({len(bad)} such values); expected finite numbers"
-            )
         if self.phases is not None:
-            phases = np.asarray(self.phases)
-            if phases.dtype == object and all(isinstance(phase, str) for phase in phases.flat):  # of a pandas Series
-                phases = phases.astype(np.str_)
-            object.__setattr__(self, "phases", phases)
+            object.__setattr__(self, "phases", np.asarray(self.phases))
             if self.phases.shape != self.time.shape or self.phases.dtype.kind not in "iuU":
                 raise ValueError(
                     f"{self.name}: phases of type {self.phases.dtype} and shape {self.phases.shape},"
                     f" expected integers or texts of shape {self.time.shape}"
                 )
 
-    def _check_channels(self) -> None:
-        if not self.channels or not all(isinstance(c, str) and c and c != "time" for c in self.channels):
-            raise ValueError(f"{self.name}: channels {self.channels}, expected at least one name, none of them 'time'")
-        twice = sorted({c for c in self.channels if self.channels.count(c) > 1})
-        if twice:
-            raise ValueError(f"{self.name}: channels {twice} occur more than once")
-
     def _check_time(self) -> None:
-        if self.time.ndim != 1:
-            raise ValueError(f"{self.name}: time of shape {self.time.shape}, expected one dimension")
         if len(self.time) < 2:
             raise ValueError(f"{self.name}: found {len(self.time)} samples, expected at least 2")
         bad = np.flatnonzero(~np.isfinite(self.time))
