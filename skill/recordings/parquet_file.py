@@ -52,7 +52,9 @@ def read_parquet_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Reco
         for name in chosen[0].names:
             field = schema.field(schema.names.index(name))
             if not (name == time.name and _is_time(field.type)):
-                _check_chosen(field, str(path), chosen[0])
+                option = {chosen[0].trial: "--trial-column", chosen[0].phase: "--phase-column"}.get(name)
+                remedy = f"; {option} '' leaves it out" if option else ""
+                check_type(field, str(path), number=name in chosen[0].numbers, remedy=remedy)
         return chosen[0].names
 
     rows = read_columns(path, choose)
@@ -107,22 +109,11 @@ def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, wi
         return table.select(names).replace_schema_metadata(None)
 
 
-def _check_chosen(field: pa.Field, where: str, selection: Selection) -> None:
-    """Refuses a column that does not hold what it was chosen for; of labels, says how to leave it out."""
-    try:
-        check_type(field, where, number=field.name in {column.name for column in selection.columns})
-    except ValueError as error:
-        for option, name in (("--trial-column", selection.trial), ("--phase-column", selection.phase)):
-            if field.name == name:
-                raise ValueError(f"{error}; {option} '' leaves it out") from error
-        raise
-
-
-def check_type(field: pa.Field, where: str, *, number: bool) -> None:
+def check_type(field: pa.Field, where: str, *, number: bool, remedy: str = "") -> None:
     """Refuses a column whose type holds no numbers, or no labels: numbers, texts, truth values and times.
 
     Raises:
-        ValueError: naming the column and its type.
+        ValueError: naming the column, its type and the remedy.
     """
     types, kind = pa.types, field.type
     if types.is_dictionary(kind):
@@ -130,7 +121,7 @@ def check_type(field: pa.Field, where: str, *, number: bool) -> None:
     numeric = types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind) or types.is_null(kind)
     if types.is_nested(kind) or (number and not numeric):
         expected = "numbers" if number else "single values"
-        raise ValueError(f"{where}: column '{field.name}' has type {str(field.type)[:60]}, expected {expected}")
+        raise ValueError(f"{where}: column '{field.name}' has type {str(field.type)[:60]}, expected {expected}{remedy}")
 
 
 def _is_bytes(kind: pa.DataType) -> bool:
