@@ -2,123 +2,120 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-import queue
 import signal
 import threading
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from functools import partial
+from concurrent.futures import CancelledError
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
-from joblib.externals.loky import get_reusable_executor
-from joblib.externals.loky.backend.reduction import dumps, loads
+from joblib import Parallel, delayed, parallel_config
 
 R = TypeVar("R")
 
 WATCH_PERIOD = 1.0
-"""Time between two looks at the parent, or for what has happened to the workers, s."""
+"""Time between two looks at the parent, s."""
 
 IDLE_TIME = 300
 """Time after which a process without a task ends, s."""
 
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1")
-"""Environment of the processes: there is one for each core."""
-
-LOSSES = {"TerminatedWorkerError", "BrokenProcessPool", "KilledWorker", "WorkerCrashedError"}
-"""Names of the exceptions by which loky, Dask and Ray tell that a worker has died."""
+CONNECT_TIME = 20.0
+"""Time to wait for a scheduler and its first worker, s."""
 
 
 class LostWorkerError(RuntimeError):
-    """A worker process has died, and with it the task that it had begun."""
+    """A worker process has died, and with it the tasks that had begun."""
 
 
 class WorkerPool:
-    """Runs tasks in processes of this machine, which are started for the first task; a context manager.
+    """Runs tasks in processes; a single process of this machine is this one.
 
     Args:
-        jobs: number of processes.
+        workers: number of tasks that run at the same time.
+        backend: of joblib.
+        **options: of the backend.
     """
 
-    def __init__(self, jobs: int) -> None:
-        self._jobs = jobs
+    def __init__(self, workers: int, backend: str = "loky", **options: Any) -> None:
+        self.workers = workers
+        self._backend, self._options = backend, options
 
-    def __enter__(self) -> WorkerPool:
-        """Does nothing yet."""
-        return self
+    def run(self, tasks: Iterable[Callable[[], R]], *, in_order: bool = False) -> Iterator[R]:
+        """Yields the results of the tasks as they end.
 
-    def __exit__(self, *_: object) -> None:
-        """Ends the connection to a cluster; processes of this machine wait for more tasks."""
-
-    @property
-    def workers(self) -> int:
-        """Number of tasks that run at the same time."""
-        return self._jobs
-
-    def run(self, tasks: Iterable[Callable[[], R]]) -> Iterator[R | None]:
-        """Yields the results of the tasks as they end, in any order; None each second without a result.
-
-        Tasks are taken when there is a worker for them. They can be pickled, as `functools.partial` objects can.
+        Tasks are taken when there is a worker for them, perhaps in another thread. They can be pickled, as
+        `functools.partial` objects can.
 
         Raises:
             LostWorkerError: if a worker has died. The tasks that had not ended may be run again.
-            OSError: if a cluster does not answer, or is lost.
-            Exception: what a task raises.
+            OSError: if the connection to a cluster is lost.
+            Exception: what a task raises, or the iterator of the tasks.
         """
-        waiting: set[Future[R]] = set()
-        remaining = iter(tasks)
-        limit = 2 * self.workers
+        raised: list[Exception] = []
+
+        def taken() -> Iterator[Any]:
+            try:
+                yield from (delayed(task)() for task in tasks)
+            except Exception as error:  # joblib would wait for ever
+                raised.append(error)
+
+        with parallel_config(backend=self._backend, n_jobs=self.workers, **self._options):
+            parallel = Parallel(return_as="generator" if in_order else "generator_unordered", max_nbytes=None)
         try:
-            while True:
-                while len(waiting) < limit and (task := next(remaining, None)) is not None:
-                    waiting.add(self._submit(task))
-                if not waiting:
-                    return
-                done, waiting = wait(waiting, WATCH_PERIOD, FIRST_COMPLETED)
-                if not done:
-                    self._look()
-                    yield None
-                for future in done:
-                    yield self._result(future)
-        finally:
-            if waiting:
-                self._abandon(waiting)
-
-    def _submit(self, task: Callable[[], R]) -> Future[R]:
-        """Begins a task."""
-        future: Future[R] = self._executor().submit(call, task)
-        return future
-
-    def _executor(self) -> Any:
-        # Drake 1.51 keeps every diagram with Python systems alive, 2 MB each; loky replaces processes that have grown.
-        warnings.filterwarnings("ignore", message="A worker stopped while some jobs", category=UserWarning)
-        return get_reusable_executor(
-            self._jobs, timeout=IDLE_TIME, initializer=watch_parent, initargs=(os.getpid(),), env=ONE_THREAD
-        )
-
-    def _look(self) -> None:
-        """Is called when there was no result for a while."""
-
-    def _result(self, future: Future[R]) -> R:
-        """Returns the result of a task that has ended, or raises what `run` does."""
-        try:
-            return future.result()
+            yield from parallel(taken())
+        except CancelledError as error:
+            raise OSError("the connection to the Dask scheduler is lost; the same command goes on") from error
         except Exception as error:
-            if any(kind.__name__ in LOSSES for kind in type(error).__mro__):
+            if isinstance(error, BrokenProcessPool) or type(error).__name__ == "KilledWorker":  # loky's, Dask's
                 raise LostWorkerError(str(error)) from error
             raise
+        if raised:
+            raise raised[0]
 
-    def _abandon(self, waiting: set[Future[R]]) -> None:
-        """Ends tasks whose results nobody waits for any more."""
-        executor = self._executor()
-        # Loky forgets the tasks when it kills the workers, and then looks for those whose numbers are still queued.
-        with contextlib.suppress(queue.Empty):
-            while True:
-                executor._work_ids.get_nowait()
-        executor.shutdown(kill_workers=True)
+
+def local_pool(jobs: int) -> WorkerPool:
+    """Returns a pool of processes of this machine, with one thread each, which are started for the first task."""
+    # Drake 1.51 keeps every diagram with Python systems alive, 2 MB each; loky replaces processes that have grown.
+    warnings.filterwarnings(
+        "ignore", message=r"A worker stopped|\d+ tasks (have been|which were)", category=UserWarning
+    )
+    if jobs == 1:
+        return WorkerPool(1, "sequential")
+    return WorkerPool(
+        jobs,
+        inner_max_num_threads=1,
+        idle_worker_timeout=IDLE_TIME,
+        initializer=watch_parent,
+        initargs=(os.getpid(),),
+    )
+
+
+@contextmanager
+def dask_pool(address: str) -> Iterator[WorkerPool]:
+    """Connects to a Dask scheduler and gives the pool of its workers; Dask sends the tasks of one that dies to others.
+
+    Raises:
+        ModuleNotFoundError: if Dask is not installed.
+        OSError: if the scheduler does not answer, has no worker, or one that runs several tasks at the same time.
+    """
+    import distributed
+
+    make_client: Any = distributed.Client
+    try:
+        client = make_client(address, timeout=CONNECT_TIME)
+        client.wait_for_workers(1, timeout=CONNECT_TIME)
+    except (OSError, ValueError) as error:
+        raise OSError(f"--dask {address}: no Dask scheduler with a worker answers there ({error})") from error
+    with client:
+        threads = list(client.nthreads().values())
+        if max(threads) > 1:  # they would share the interpreter, which the simulation holds
+            expected = "start workers with --nthreads 1, one for each core"
+            raise OSError(f"--dask {address}: a Dask worker has {max(threads)} threads; {expected}")
+        yield WorkerPool(len(threads), "dask")
 
 
 def run_in_processes(tasks: Iterable[Callable[[], R]], *, jobs: int) -> Iterator[R]:
@@ -128,33 +125,7 @@ def run_in_processes(tasks: Iterable[Callable[[], R]], *, jobs: int) -> Iterator
         tasks: functions without arguments that can be pickled, for example `functools.partial` objects.
         jobs: number of processes; 1 runs the tasks in this process.
     """
-    if jobs == 1:
-        yield from (task() for task in tasks)
-        return
-    ended: dict[int, R] = {}
-    number = 0  # of the next result
-    for done in WorkerPool(jobs).run(partial(numbered, k, task) for k, task in enumerate(tasks)):
-        if done is not None:
-            ended[done[0]] = done[1]
-        while number in ended:
-            yield ended.pop(number)
-            number += 1
-
-
-def received(value: R) -> R:
-    """Returns what another process receives of a value; raises what pickling it raises, whatever that is."""
-    found: R = loads(dumps(value))
-    return found
-
-
-def call(task: Callable[[], R]) -> R:
-    """Returns the result of a task, in a worker."""
-    return task()
-
-
-def numbered(number: int, task: Callable[[], R]) -> tuple[int, R]:
-    """Returns the number and the result of a task, in a worker."""
-    return number, task()
+    return local_pool(jobs).run(tasks, in_order=True)
 
 
 def watch_parent(parent: int) -> None:

@@ -49,7 +49,7 @@ EXTRAS = {
     **{"h5py": "recordings", "matplotlib": "figures", "pyarrow": "data"},
     **{"cascadio": "cad", "trimesh": "cad"},
     **{"franky": "arm", "franky_sim": "arm", "rtde_control": "ur"},
-    **{"distributed": "dask", "mcap": "recordings", "rosbags": "recordings", "ray": "ray"},
+    **{"distributed": "dask", "mcap": "recordings", "rosbags": "recordings"},
     **{"hmmlearn": "peers", "mujoco": "peers", "ruptures": "peers"},
     **{"gymnasium": "gym", "lerobot": "lerobot", "stable_baselines3": "rl", "torch": "lerobot"},
 }

@@ -27,7 +27,7 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from numpy.typing import ArrayLike
 from torch.utils.data import DataLoader, default_collate
 
-from experiments.sweeps.policies import TrainingContext
+from experiments.sweep.policies import TrainingContext
 from interfaces.exports.episodes import WRENCH, WRENCH_UNITS, Episode, Feature, frame_rate
 from interfaces.exports.lerobot import LeRobotWriter
 from skill.arrays import Array

@@ -1,4 +1,4 @@
-"""Policies to compare in sweeps: each function makes one from a `experiments.sweeps.policies.TrainingContext`."""
+"""Policies to compare in sweeps: each function makes one from a `experiments.sweep.policies.TrainingContext`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmarks.rig.control_laws import MomentCompliance, SpiralSearch, StraightPush, TunedLaw, tune
 from experiments.corrections import CorrectionPlan, StuckTrial, correct, demonstrate_corrections, run_practice
-from experiments.sweeps.policies import TrainingContext, learn
+from experiments.sweep.policies import TrainingContext, learn
 from experiments.trial.run_trial import run_trials
 from skill.data.demonstration import Demonstration
 from skill.policy import RigPolicy

@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike
 
 from benchmarks.command_line import JsonFile, SkillFile, finish, run
 from benchmarks.rig.control_laws import StraightPush
-from experiments.sweeps.policies import TrainingContext
+from experiments.sweep.policies import TrainingContext
 from experiments.trial.trial_set import TrialSet
 from interfaces.gym.agents import PolicyAgent, run_episode
 from interfaces.reports.result_tables import plain_table

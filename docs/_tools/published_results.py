@@ -16,7 +16,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from experiments.sweeps.trial_files import PUBLISHED, SWEEPS, TRIALS
+from experiments.sweep.trial_files import PUBLISHED, SWEEPS, TRIALS
 
 
 def publish(results: Path, out: Path) -> None:

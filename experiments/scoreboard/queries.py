@@ -8,7 +8,7 @@ from typing import Any
 
 from experiments.scoreboard.columns import COLUMNS
 from experiments.scoreboard.summary import Cell, Scoreboard
-from experiments.sweeps.trial_files import partition
+from experiments.sweep.trial_files import partition
 
 
 def sweep_commands(board: Scoreboard) -> list[str]:

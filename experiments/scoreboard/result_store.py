@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pandas.api.types import union_categoricals
 
-from experiments.sweeps.trial_files import PARTITIONS, PUBLISHED, SCHEMA, SWEEPS, TRIALS
+from experiments.sweep.trial_files import PARTITIONS, PUBLISHED, SCHEMA, SWEEPS, TRIALS
 from models.document import read_document, read_text
 from skill.data.files import TEMPORARY_MARK
 from skill.data.tables import named_parquet_errors

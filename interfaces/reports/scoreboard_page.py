@@ -15,7 +15,7 @@ from experiments.scoreboard.columns import COLUMNS, Column
 from experiments.scoreboard.paired_statistics import MIN_UNITS
 from experiments.scoreboard.queries import cell_commands, sweep_commands
 from experiments.scoreboard.summary import Row, Scoreboard, Table, factor_name
-from experiments.sweeps.trial_files import partition
+from experiments.sweep.trial_files import partition
 from interfaces.reports.page_template import fill_page, svg_element
 from interfaces.reports.scoreboard_curves import (
     MARKERS,

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.rig import policies
 from benchmarks.rig.policies import corrected, first, tuned_compliance
 from experiments.corrections import CorrectionPlan
-from experiments.sweeps.policies import TrainingContext
+from experiments.sweep.policies import TrainingContext
 from experiments.trial.trial_set import TrialSet
 from models.scenario import load_scenario
 from skill.practice.query_state import QueryState

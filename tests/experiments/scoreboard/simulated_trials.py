@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from experiments.sweeps.trial_files import SCHEMA, partition
+from experiments.sweep.trial_files import SCHEMA, partition
 
 PLAIN = {
     **{"factors": "{}", "demonstration_set": None, "demonstrations": None, "skill": "s0", "train_s": None},

@@ -20,7 +20,7 @@ from skill.regression.locally_weighted_regression import LWRegressor
 from skill.skill_step import skill_numbers
 from systems.rig import MakeRig
 from systems.steps.faults import Fault
-from tests.experiments.sweeps.pushes import Push
+from tests.experiments.sweep.pushes import Push
 
 
 @pytest.fixture(scope="module")

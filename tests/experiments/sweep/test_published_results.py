@@ -12,7 +12,7 @@ pytestmark = pytest.mark.slow
 
 
 def test_a_copy_has_the_rows_and_no_sweep_goes_on_in_it(specification, perform, tmp_path):
-    push = {"make": "tests.experiments.sweeps.pushes:push"}
+    push = {"make": "tests.experiments.sweep.pushes:push"}
     keys = {"policies": {"push": push}, "vary": {"contact.friction": [0.1, 0.3]}}
     trials = {"first": 84099, "number": 2}  # in two blocks of each cell
     rows = perform(specification(**keys, trials=trials))

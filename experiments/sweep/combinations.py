@@ -1,4 +1,4 @@
-"""What a sweep varies: factors with their levels, as a full grid or as a random design."""
+"""What a sweep varies: factors with their levels, combined in a full grid or in a random design."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 from models.document import brief
 from skill.arrays import Array
 
-MAX_CELLS = 1_000
+MAX_COMBINATIONS = 1_000
 TRAINING = "training."
 """Begins the keys that change how a policy is made; the others are keys of the scenario."""
 
@@ -22,22 +22,12 @@ RANGES = ("uniform", "log_uniform")
 Overrides = dict[str, Any]
 """Values by their dotted keys, such as ``contact.friction``."""
 
-
-@dataclass(frozen=True)
-class Level:
-    """One value of a factor.
-
-    Attributes:
-        value: in the results: a number, a text or a list.
-        overrides: what it changes.
-    """
-
-    value: Any
-    overrides: Overrides
+Level = tuple[Any, Overrides]
+"""A value of a factor, as the results have it, and what it changes."""
 
 
 @dataclass(frozen=True)
-class Cell:
+class Combination:
     """One combination of levels.
 
     Attributes:
@@ -51,7 +41,7 @@ class Cell:
     @property
     def label(self) -> str:
         """The factors as JSON, the same text for the same factors."""
-        return json.dumps(self.factors, sort_keys=True)
+        return json.dumps(self.factors, sort_keys=True, default=str)
 
     def scenario_overrides(self) -> Overrides:
         """Returns the overrides of the scenario."""
@@ -87,11 +77,11 @@ class Factor:
             value = self.low * (self.high / self.low) ** share
         else:
             value = self.low + (self.high - self.low) * share
-        return Level(value, {self.name: value})
+        return value, {self.name: value}
 
 
-def make_cells(vary: dict[str, Any], design: str | dict[str, Any], where: str) -> list[Cell]:
-    """Returns the cells of a design.
+def make_combinations(vary: dict[str, Any], design: str | dict[str, Any], where: str) -> list[Combination]:
+    """Returns the combinations of a design.
 
     A key of the scenario, or ``training.`` and a key of ``demonstrations``, takes a list of values, or ``{uniform: [a,
     b]}`` or ``{log_uniform: [a, b]}``. Any other name takes named levels, each with the keys that it sets together:
@@ -115,71 +105,52 @@ def make_cells(vary: dict[str, Any], design: str | dict[str, Any], where: str) -
             raise _wrong(where, "design", "random", "grid, because nothing is varied")
         shares = _sobol(len(factors), samples, seed)
         chosen = [[f.at(float(share)) for f, share in zip(factors, row, strict=True)] for row in shares]
-        cells = [_cell(factors, levels, where) for levels in chosen]
-        return list({cell.label: cell for cell in cells}.values())
+        combinations = [_combination(factors, levels, where) for levels in chosen]
+        return list({combination.label: combination for combination in combinations}.values())
     if design != "grid":
         raise _wrong(where, "design", brief(design), "grid, or {random: N, seed: S}")
     for factor in factors:
         if not factor.levels:
             raise _wrong(where, f"vary.{factor.name}", "a range", "a list of values in a grid")
-    if math.prod(len(factor.levels) for factor in factors) > MAX_CELLS:
-        raise _wrong(where, "vary", f"a grid of more than {MAX_CELLS:,} cells", "fewer")
-    return [_cell(factors, levels, where) for levels in itertools.product(*(f.levels for f in factors))]
+    if math.prod(len(factor.levels) for factor in factors) > MAX_COMBINATIONS:
+        raise _wrong(where, "vary", f"a grid of more than {MAX_COMBINATIONS:,} combinations", "fewer")
+    return [_combination(factors, levels, where) for levels in itertools.product(*(f.levels for f in factors))]
 
 
 def _wrong(where: str, name: str, found: str, expected: str) -> ValueError:
     return ValueError(f"{where}: {name} is {found}, expected {expected}")
 
 
-def _factor(name: Any, values: Any, where: str) -> Factor:
+def _factor(name: str, values: Any, where: str) -> Factor:
     """Reads a factor: a list of values, a range, or named levels."""
     path = f"vary.{name}"
-    if not isinstance(name, str) or not name:
-        raise _wrong(where, path, "no text", "the name of a factor")
-    if isinstance(values, list):
-        return _list_factor(name, values, where)
-    if not isinstance(values, dict) or not values:
-        raise _wrong(where, path, brief(values), "a list of values, a range, or levels with the keys that they set")
-    if any(kind in values for kind in RANGES):
-        return _range_factor(name, values, where)
-    for level, overrides in values.items():
-        if not isinstance(level, str | int | float):
-            raise _wrong(where, path, f"a mapping with the level {brief(level)}", "texts or numbers as levels")
-        if not isinstance(overrides, dict) or not overrides or not all(isinstance(key, str) for key in overrides):
-            raise _wrong(where, f"{path}.{level}", brief(overrides), "keys with values, which this level sets together")
-    return Factor(name, tuple(Level(level, overrides) for level, overrides in values.items()))
+    match values:
+        case [_, *_]:
+            if any(values.count(value) > 1 for value in values):
+                raise _wrong(where, path, brief(values), "each value once")
+            return Factor(name, tuple((value, {name: value}) for value in values))
+        case {"uniform": limits} | {"log_uniform": limits} if len(values) == 1:
+            return _range_factor(name, limits, "log_uniform" in values, where)
+        case {} if values and all(isinstance(overrides, dict) and overrides for overrides in values.values()):
+            return Factor(name, tuple(values.items()))
+    expected = f"a list of values, one of {list(RANGES)} with its limits, or levels with the keys that they set"
+    raise _wrong(where, path, brief(values), expected)
 
 
-def _list_factor(name: str, values: list[Any], where: str) -> Factor:
-    path = f"vary.{name}"
-    if not values:
-        raise _wrong(where, path, "[]", "at least one value")
-    try:
-        texts = [json.dumps(value) for value in values]
-    except TypeError as error:
-        raise _wrong(where, path, brief(values), "numbers, texts or lists of them") from error
-    if len(set(texts)) < len(texts):
-        raise _wrong(where, path, brief(values), "each value once")
-    return Factor(name, tuple(Level(value, {name: value}) for value in values))
-
-
-def _range_factor(name: str, values: dict[str, Any], where: str) -> Factor:
-    (kind, limits), *others = values.items()
-    if others:
-        raise _wrong(where, f"vary.{name}", brief(values), f"one of {list(RANGES)} and nothing else")
+def _range_factor(name: str, limits: Any, logarithmic: bool, where: str) -> Factor:
     numbers = [limit for limit in limits if type(limit) in (int, float)] if isinstance(limits, list) else []
     if not (len(numbers) == len(limits) == 2 and all(map(math.isfinite, numbers)) and numbers[0] < numbers[1]):
-        raise _wrong(where, f"vary.{name}.{kind}", brief(limits), "two numbers, the smaller first")
-    if kind == "log_uniform" and numbers[0] <= 0:
-        raise _wrong(where, f"vary.{name}.{kind}", brief(limits), "two numbers above 0")
-    return Factor(name, low=float(numbers[0]), high=float(numbers[1]), logarithmic=kind == "log_uniform")
+        raise _wrong(where, f"vary.{name}", brief(limits), "two numbers, the smaller first")
+    if logarithmic and numbers[0] <= 0:
+        raise _wrong(where, f"vary.{name}", brief(limits), "two numbers above 0")
+    return Factor(name, low=float(numbers[0]), high=float(numbers[1]), logarithmic=logarithmic)
 
 
 def _random_design(design: dict[str, Any], where: str) -> tuple[int, int]:
     """The number of samples and the seed of a random design."""
     samples: Any = design.get("random")
     seed: Any = design.get("seed", 0)
-    for name, number, least, most in (("random", samples, 1, MAX_CELLS), ("seed", seed, 0, 2**32 - 1)):
+    for name, number, least, most in (("random", samples, 1, MAX_COMBINATIONS), ("seed", seed, 0, 2**32 - 1)):
         if type(number) is not int or not least <= number <= most:
             raise _wrong(where, f"design.{name}", brief(number), f"{least} to {most}")
     if not set(design) <= {"random", "seed"}:
@@ -197,11 +168,11 @@ def _sobol(dimensions: int, samples: int, seed: int) -> Array:
     return points
 
 
-def _cell(factors: list[Factor], levels: Sequence[Level], where: str) -> Cell:
+def _combination(factors: list[Factor], levels: Sequence[Level], where: str) -> Combination:
     overrides: Overrides = {}
-    for factor, level in zip(factors, levels, strict=True):
-        for key, value in level.overrides.items():
+    for factor, (_, changed) in zip(factors, levels, strict=True):
+        for key, value in changed.items():
             if key in overrides:
                 raise _wrong(where, "vary", f"{key} in two factors, the second {factor.name}", "each key once")
             overrides[key] = value
-    return Cell({f.name: level.value for f, level in zip(factors, levels, strict=True)}, overrides)
+    return Combination({f.name: value for f, (value, _) in zip(factors, levels, strict=True)}, overrides)

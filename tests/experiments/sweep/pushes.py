@@ -1,13 +1,11 @@
 """Policies that only tests use: they push, and on the way end their process or fail."""
 
-import logging
 import os
 import signal
 import sqlite3
 import threading
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
@@ -40,18 +38,7 @@ def push(training_context, **options):
     return Push(**options)
 
 
-class _Locked:
-    """Can be sent, but not be received."""
-
-    def __reduce__(self):
-        return int, ("no number",)
-
-
-HELD = {
-    **{"lock": threading.Lock, "file": TemporaryFile, "thread": threading.Thread},
-    **{"generator": lambda: (k for k in range(3)), "database": lambda: sqlite3.connect(":memory:"), "other": _Locked},
-    **{"logger": logging.getLogger, "function": lambda: lambda: 1},
-}
+HELD = {"lock": threading.Lock, "database": lambda: sqlite3.connect(":memory:")}
 
 
 @dataclass(frozen=True)
@@ -64,19 +51,6 @@ class Holding(Push):
 def holding(training_context, what):
     """A push that holds something that may have no place in another process."""
     return Holding(held=HELD[what]())
-
-
-@dataclass(frozen=True)
-class Lazy(Holding):
-    """A push whose lock is made where it is needed, as the message advises."""
-
-    def __getstate__(self):
-        return self.__dict__ | {"held": None}
-
-
-def lazy(training_context):
-    """A push that leaves its lock behind."""
-    return Lazy(held=threading.Lock())
 
 
 @dataclass(frozen=True)
@@ -93,8 +67,3 @@ class Unwilling(ControlLaw):
 def unwilling(training_context):
     """A law with which no rig can be built."""
     return Unwilling()
-
-
-def fatal(training_context):
-    """Ends the process."""
-    os.kill(os.getpid(), signal.SIGKILL)

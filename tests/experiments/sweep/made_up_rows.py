@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from experiments.sweeps.trial_files import COUNTS, MEASURED_NUMBERS
+from experiments.sweep.trial_files import COUNTS, MEASURED_NUMBERS
 
 
 def made_up_row(number, **known):

@@ -16,15 +16,13 @@ For example:
 """
 
 # Without the future import of annotations: `check_document` reads the types of the fields.
-import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 from experiments.demonstration_set import MAX_DEMONSTRATIONS
-from experiments.sweeps.factors import Cell, Overrides, make_cells
+from experiments.sweep.combinations import Combination, Overrides, make_combinations
 from experiments.trial.trial_set import TrialSet
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.document import brief, read_document, read_text
@@ -32,12 +30,10 @@ from models.scenario import ENGINES, Scenario, load_scenario, validate_scenario
 from models.validation import Violation, check_document, copied, raise_first, set_field
 
 MAX_TRIALS = 1_000_000
-MAX_CURVES = 20_000  # combinations of all that is varied; planning takes a millisecond for each
-MAX_NAME = 80  # characters of the name of a policy
-MAX_FOLDER_NAME = 200  # bytes of it, percent-encoded; file systems allow 255 with what stands before it
+MAX_NAME = 80  # characters of the name of a policy, which names a folder
 
 BASE, CELL = PLACES = ("base", "cell")
-"""Where is demonstrated: in the scenario of the sweep, or in that of each cell."""
+"""Where is demonstrated: in the scenario of the sweep, or in that of each cell, where a policy acts."""
 
 RULES: dict[str, Callable[[Scenario], Scenario]] = {
     "numerics": numerics_of_clearance,
@@ -107,7 +103,7 @@ class Specification:
     Attributes:
         title: of its pages.
         scenario: unresolved, before anything is varied.
-        cells: the combinations of levels.
+        combinations: of the levels.
         policies: in the order of the file.
         trial_sets: which trials.
         engines: of `models.scenario.ENGINES`, in each of which the trials are performed.
@@ -118,14 +114,13 @@ class Specification:
 
     title: str
     scenario: Scenario
-    cells: list[Cell]
+    combinations: list[Combination]
     policies: list[PolicyPlan]
     trial_sets: list[TrialSet]
     engines: list[str]
     rules: list[str]
     first: int
     text: str
-    _known: dict[str, Scenario] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def scenario_with(self, overrides: Overrides, where: str) -> Scenario:
         """Returns the scenario with some overrides, to which the rules are applied.
@@ -137,13 +132,10 @@ class Specification:
         Raises:
             ValueError: naming the key that is unknown, or the value that is not allowed.
         """
-        key = json.dumps(overrides, sort_keys=True)
-        if key not in self._known:
-            chosen = overridden(self.scenario, overrides, where)
-            for rule in self.rules:
-                chosen = RULES[rule](chosen)
-            self._known[key] = chosen
-        return self._known[key]
+        chosen = overridden(self.scenario, overrides, where)
+        for rule in self.rules:
+            chosen = RULES[rule](chosen)
+        return chosen
 
 
 @dataclass(frozen=True)
@@ -156,11 +148,12 @@ class TrialNumbers:
 
 @dataclass(frozen=True)
 class PolicySection:
-    """A section of ``policies`` of the file, without its ``with``, which are the options of ``make``."""
+    """A section of ``policies`` of the file; its ``options`` are those of ``make``."""
 
     learn: dict[str, Any] | None = None
     skill: str | None = None
     make: str | None = None
+    options: dict[str, Any] = field(default_factory=dict)
     demonstrations: dict[str, Any] | None = None
     carried_over: bool = False
     for_all_trial_sets: bool = False
@@ -199,11 +192,10 @@ def read_specification(path: Path) -> Specification:
     document = Document(**{**found, "trials": TrialNumbers(**found.get("trials", {}))})
     raise_first(_document_violations(document), where)
     read_plan(document.demonstrations, where, "demonstrations")
-    scenario = load_scenario(document.scenario)
-    specification = Specification(
+    return Specification(
         title=document.title or path.stem,
-        scenario=scenario,
-        cells=make_cells(document.vary, document.design, where),
+        scenario=load_scenario(document.scenario),
+        combinations=make_combinations(document.vary, document.design, where),
         policies=[_policy(name, own, document, where) for name, own in document.policies.items()],
         trial_sets=[TrialSet(name) for name in document.trial_sets],
         engines=document.engines,
@@ -211,8 +203,6 @@ def read_specification(path: Path) -> Specification:
         first=document.trials.first,
         text=text,
     )
-    _check_cells(specification, where)
-    return specification
 
 
 def _document_violations(document: Document) -> Iterator[Violation]:
@@ -232,47 +222,40 @@ def _document_violations(document: Document) -> Iterator[Violation]:
     for name in document.policies:
         if not isinstance(name, str) or not name.strip() or not name.isprintable() or len(name) > MAX_NAME:
             yield Violation(f"policies.{brief(name)}", "no name", f"a printable one of at most {MAX_NAME} characters")
-        elif len(quote(name, safe="")) > MAX_FOLDER_NAME:
-            limit = f"at most {MAX_FOLDER_NAME} bytes, percent-encoded: it is the name of a folder"
-            yield Violation(f"policies.{brief(name)}", "too long a name", limit)
 
 
 def _policy(name: str, given: Any, document: Document, where: str) -> PolicyPlan:
     """Reads a section of ``policies`` of a document."""
     path = f"policies.{name}"
-    options = given.get("with") if isinstance(given, dict) and given.get("make") is not None else None
-    checked = {key: value for key, value in given.items() if key != "with"} if options is not None else given
-    check_document(checked, PolicySection, where, path)
-    own = PolicySection(**checked)
-    options = own.learn if own.make is None else options
+    check_document(given, PolicySection, where, path)
+    own = PolicySection(**given)
+    raise_first(_policy_violations(own, document.trials.number, path), where)
     teaches = own.learn is not None or (own.make is not None and own.demonstrations is not None)
-    raise_first(_policy_violations(own, options, document.trials.number, path), where)
     taught = {**document.demonstrations, **(own.demonstrations or {})}
-    plan = read_plan(taught, where, f"{path}.demonstrations") if teaches else None
     return PolicyPlan(
         name=name,
         skill=None if own.skill is None else Path(own.skill),
         make=own.make,
-        options=options or {},
-        demonstrations=plan,
+        options=own.learn or own.options,
+        demonstrations=read_plan(taught, where, f"{path}.demonstrations") if teaches else None,
         carried_over=own.carried_over,
         for_all_trial_sets=own.for_all_trial_sets,
         trials=own.trials or document.trials.number,
     )
 
 
-def _policy_violations(own: PolicySection, options: Any, trials: int, path: str) -> Iterator[Violation]:
-    kinds = [kind for kind in ("learn", "skill", "make") if getattr(own, kind) is not None]
-    if len(kinds) != 1:
-        yield Violation(path, f"made in {len(kinds)} ways {kinds}", "one of learn, skill and make")
-    if options is not None and not (isinstance(options, dict) and all(map(_is_plain, options.items()))):
-        yield Violation(f"{path}.{'learn' if own.make is None else 'with'}", brief(options), "names with plain values")
+def _policy_violations(own: PolicySection, trials: int, path: str) -> Iterator[Violation]:
+    ways = [way for way in ("learn", "skill", "make") if getattr(own, way) is not None]
+    if len(ways) != 1:
+        yield Violation(path, f"made in {len(ways)} ways {ways}", "one of learn, skill and make")
     yield from _no_import_path(f"{path}.make", own.make)
+    if own.make is None and own.options:
+        yield Violation(f"{path}.options", "given", "none: there is no function to make the policy")
+    if own.make is None and own.for_all_trial_sets:
+        yield Violation(f"{path}.for_all_trial_sets", "true", "false: no function could be told the set")
     if own.skill is not None and own.demonstrations:
         yield Violation(f"{path}.demonstrations", "given", "none: a skill file has learnt already")
     yield from _outside(f"{path}.trials", own.trials, 1, trials)
-    if own.for_all_trial_sets and own.make is None:
-        yield Violation(f"{path}.for_all_trial_sets", "true", "false: no function could be told the set")
 
 
 def read_plan(values: dict[str, Any], where: str, path: str) -> DemonstrationPlan:
@@ -296,8 +279,6 @@ def _plan_violations(plan: DemonstrationPlan, path: str) -> Iterator[Violation]:
     yield from _outside(f"{path}.size", plan.size, 1, plan.good + plan.bad)
     if plan.demonstrated_in not in PLACES:
         yield Violation(f"{path}.demonstrated_in", brief(plan.demonstrated_in), f"one of {list(PLACES)}")
-    if not all(isinstance(key, str) for key in plan.scenario):
-        yield Violation(f"{path}.scenario", brief(plan.scenario), "dotted keys with values")
     yield from _no_import_path(f"{path}.select", plan.select)
 
 
@@ -317,42 +298,13 @@ def _no_import_path(name: str, value: str | None) -> Iterator[Violation]:
         yield Violation(name, brief(value), "an import path such as package.module:function")
 
 
-def _is_plain(option: tuple[Any, Any]) -> bool:
-    """Whether a name and a value can be written as JSON: dates cannot."""
-    try:
-        json.dumps(option[1])
-    except TypeError:
-        return False
-    return isinstance(option[0], str)
-
-
-def _check_cells(specification: Specification, where: str) -> None:
-    """Checks that every cell has a scenario, and every policy its demonstrations there."""
-    varied = sorted({key for cell in specification.cells for key in cell.training_overrides()})
-    if varied and not any(policy.demonstrations for policy in specification.policies):
-        raise ValueError(f"{where}: training.{varied[0]} is varied, but no policy learns from demonstrations")
-    trials = curves = 0
-    for cell in specification.cells:
-        specification.scenario_with(cell.scenario_overrides(), where)
-        for policy in specification.policies:
-            plan = plan_in(policy, cell, where)
-            sets = len(plan.sets) if plan else 1
-            own = len(specification.trial_sets) * len(specification.engines)
-            curves += own * sets
-            trials += own * policy.trials * (1 if plan and plan.divided else sets)
-            for found, most, what in ((trials, MAX_TRIALS, "trials"), (curves, MAX_CURVES, "sets of trials")):
-                if found > most:
-                    product = "cells, policies, demonstrations, sets of trials and engines"
-                    raise ValueError(f"{where}: {product} make more than {most:,} {what}; use fewer of one")
-
-
-def plan_in(policy: PolicyPlan, cell: Cell, where: str) -> DemonstrationPlan | None:
-    """Returns the demonstrations of a policy in a cell, with the ``training.`` keys of the cell.
+def plan_in(policy: PolicyPlan, combination: Combination, where: str) -> DemonstrationPlan | None:
+    """Returns the demonstrations of a policy, with the ``training.`` keys of a combination.
 
     Raises:
         ValueError: if a key is unknown, or a value is not allowed.
     """
-    plan, overrides = policy.demonstrations, cell.training_overrides()
+    plan, overrides = policy.demonstrations, combination.training_overrides()
     if plan is None or not overrides:
         return plan
     return read_plan({**vars(plan), **overrides}, where, "training")
@@ -366,7 +318,7 @@ def overridden(scenario: Scenario, overrides: Overrides, where: str) -> Scenario
     """
     chosen: Scenario = copied(scenario)
     for key, value in overrides.items():
-        *groups, name = key.split(".")
+        *groups, name = str(key).split(".")
         node: Any = chosen
         for group in groups:
             node = getattr(node, group, None)

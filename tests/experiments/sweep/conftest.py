@@ -4,7 +4,7 @@ import pyarrow.dataset as ds
 import pytest
 import yaml
 
-from experiments.sweeps.trial_files import PARTITIONING
+from experiments.sweep.trial_files import PARTITIONING
 from models.scenario import dump_scenario
 from scripts import sweep
 from tests.quick_scenario import make_quick_scenario
@@ -36,8 +36,8 @@ def perform(tmp_path, monkeypatch):
     """Performs a sweep into ``tmp_path / "results"`` and returns its rows as a frame."""
     monkeypatch.chdir(ROOT)
 
-    def run(path, *, backend="local", address=None, jobs=2, results="results"):
-        sweep.main(path, tmp_path / results, executor=backend, address=address, jobs=jobs)
+    def run(path, *, dask=None, jobs=2, results="results"):
+        sweep.main(path, tmp_path / results, dask=dask, jobs=jobs)
         return rows_in(tmp_path / results)
 
     return run

@@ -1,0 +1,219 @@
+"""Records the demonstrations and makes the policies that a sweep needs, and keeps those that can be kept."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import fields, is_dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from experiments.demonstration_set import Request, demonstrate
+from experiments.outputs.output_set import DEMONSTRATIONS, OutputSet, SetIndex, open_set
+from experiments.provenance import versions
+from experiments.sweep.cells import DemonstrationSet, PolicyRecipe
+from experiments.sweep.code_digest import Requirements, code_digest
+from experiments.sweep.policies import (
+    MadePolicy,
+    TrainingContext,
+    chosen,
+    imported,
+    make_policy,
+    named_installed,
+    named_own,
+)
+from experiments.sweep.specification import PolicyPlan
+from experiments.sweep.trial_files import SETS, SKILLS
+from experiments.worker_pool import LostWorkerError, WorkerPool
+from models.scenario import dump_scenario
+from skill.data.demonstration import Demonstration, write_demonstration
+from skill.data.files import parse_object, write_atomically
+from skill.manipulation_skill import ManipulationSkill
+from skill.policy import CarriedOver, RigPolicy
+from systems.steps.faults import error_summary
+
+Advance = Callable[[str], None]
+R = TypeVar("R")
+
+
+def requirements_of(plan: PolicyPlan) -> Requirements:
+    """Returns what work with the policy of a plan requires of a worker."""
+    return Requirements.of(named_own(plan), named_installed(plan))
+
+
+def recorded(
+    shown: DemonstrationSet, request: Request, requirements: Requirements
+) -> tuple[DemonstrationSet, Request, Demonstration]:
+    """Records one demonstration, in a worker, and returns it with what it was made for."""
+    requirements.check()
+    return shown, request, demonstrate(shown.scenario, request, seed=shown.seed)
+
+
+def made(
+    recipe: PolicyRecipe, demonstrations: list[Demonstration], requirements: Requirements
+) -> tuple[PolicyRecipe, MadePolicy]:
+    """Makes one policy, in a worker, and returns it with its recipe."""
+    requirements.check()
+    seed = 0 if recipe.demonstrations is None else recipe.demonstrations.seed
+    trial_set = None if recipe.plan.for_all_trial_sets else recipe.trial_set
+    return recipe, make_policy(recipe.plan, TrainingContext(recipe.scenario, trial_set, demonstrations, seed))
+
+
+class PolicyStore:
+    """The demonstrations and policies of a sweep.
+
+    Args:
+        results: folder of the sweep.
+    """
+
+    def __init__(self, results: Path) -> None:
+        self._results = results
+        self._made: dict[str, MadePolicy] = {}  # those that no file can hold
+
+    # ----------------------------------------------------------- demonstrations
+
+    def folder(self, shown: DemonstrationSet) -> Path:
+        """Returns the folder of a set of demonstrations."""
+        return self._results / SETS / shown.digest
+
+    def unrecorded(self, sets: Iterable[DemonstrationSet]) -> int:
+        """Returns how many demonstrations of some sets have no file."""
+        return sum(
+            not (self.folder(shown) / request.file_name).is_file() for shown in sets for request in shown.requests()
+        )
+
+    def record(self, sets: Iterable[DemonstrationSet], pool: WorkerPool, advance: Advance) -> None:
+        """Records the demonstrations of some sets that are not there yet.
+
+        Raises:
+            ValueError: if a habit gives no demonstration of the outcome.
+            OSError: if a file cannot be written, or another process writes into a folder.
+        """
+        with ExitStack() as stack:
+            files: dict[str, OutputSet] = {}
+            tasks = []
+            for shown in sets:
+                opened = stack.enter_context(open_set(self.folder(shown), _set_index(shown), overwrite=False))
+                files[shown.digest] = opened
+                missing = [request for request in shown.requests() if request.file_name not in opened.finished]
+                tasks += [partial(recorded, shown, request, Requirements.of()) for request in missing]
+            for shown, request, demonstration in _results(pool, tasks, "a demonstration was recorded"):
+                files[shown.digest].write(request.file_name, partial(write_demonstration, demonstration))
+                advance(f"set {shown.seed}, {request.habit}: {demonstration.reason}")
+
+    # ----------------------------------------------------------------- policies
+
+    def is_made(self, recipe: PolicyRecipe) -> bool:
+        """Whether a policy is there: a skill that was given or kept, or one in memory."""
+        return recipe.given is not None or recipe.digest in self._made or self._notes(recipe).is_file()
+
+    def make(self, recipes: Iterable[PolicyRecipe], pool: WorkerPool, advance: Advance) -> None:
+        """Makes the policies that are not there, and keeps the skills; their demonstrations must be there.
+
+        Raises:
+            ValueError: if a policy cannot be made.
+            OSError: if a file cannot be written.
+        """
+        tasks = (
+            partial(made, recipe, self._demonstrations(recipe), requirements_of(recipe.plan))
+            for recipe in recipes
+            if not self.is_made(recipe)
+        )
+        for recipe, policy in _results(pool, tasks, "a policy was made"):
+            self._keep(recipe, policy)
+            advance(f"{recipe.plan.name}: made")
+
+    def policy(self, recipe: PolicyRecipe) -> MadePolicy:
+        """Returns a policy that is there.
+
+        Raises:
+            ValueError: if its file is damaged.
+        """
+        if recipe.digest in self._made:
+            return self._made[recipe.digest]
+        policy: RigPolicy
+        if recipe.given is not None:
+            policy = recipe.given
+            notes = {"train_s": None, "query_ms": None, "demonstrations": policy.metadata_.get("demonstrations")}
+        else:
+            notes = parse_object(self._notes(recipe).read_bytes())
+            law = notes.get("law")
+            policy = ManipulationSkill.load(self._skill_file(recipe)) if law is None else _remade(law, recipe)
+        policy = CarriedOver(policy) if recipe.plan.carried_over else policy
+        return MadePolicy(policy, notes["train_s"], notes["query_ms"], notes["demonstrations"])
+
+    def _demonstrations(self, recipe: PolicyRecipe) -> list[Demonstration]:
+        if recipe.demonstrations is None or recipe.plan.demonstrations is None:
+            return []
+        folder, size = self.folder(recipe.demonstrations), recipe.plan.demonstrations.size
+        return chosen(recipe.plan, [folder / request.file_name for request in recipe.demonstrations.first(size)])
+
+    def _notes(self, recipe: PolicyRecipe) -> Path:
+        return self._skill_file(recipe).with_suffix(".json")
+
+    def _skill_file(self, recipe: PolicyRecipe) -> Path:
+        return self._results / SKILLS / f"{recipe.digest}.npz"
+
+    def _keep(self, recipe: PolicyRecipe, made: MadePolicy) -> None:
+        """Writes a skill or the parameters of a law, and notes on its making; keeps any other policy in memory."""
+        policy = made.policy.policy if isinstance(made.policy, CarriedOver) else made.policy
+        path, law = self._skill_file(recipe), _law(policy)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        is_kept = law is not None
+        if type(policy) is ManipulationSkill:
+            with suppress(TypeError):  # no file can hold one of its parts
+                policy.save(path)
+                is_kept = True
+        if not is_kept:
+            self._made[recipe.digest] = made
+            return
+        notes = {
+            **{"policy": recipe.plan.name, "law": law, "train_s": made.train_s},
+            **{"query_ms": made.query_ms, "demonstrations": made.demonstrations},
+        }
+        write_atomically(self._notes(recipe), json.dumps(notes).encode())
+
+
+def _law(policy: RigPolicy) -> dict[str, Any] | None:
+    """The class and the parameters of a dataclass of numbers and texts; None for any other policy."""
+    if not is_dataclass(policy) or any(not known.init for known in fields(policy)):
+        return None
+    values = {known.name: getattr(policy, known.name) for known in fields(policy)}
+    if not all(value is None or isinstance(value, str | int | float) for value in values.values()):
+        return None
+    return {"class": f"{type(policy).__module__}:{type(policy).__qualname__}", "parameters": values}
+
+
+def _remade(law: dict[str, Any], recipe: PolicyRecipe) -> RigPolicy:
+    """Makes a law again; its class must be in a package that its plan names.
+
+    Raises:
+        ValueError: if it is not, or the parameters are not those of the class.
+    """
+    package = law["class"].partition(".")[0]
+    if package not in named_own(recipe.plan):
+        raise ValueError(f"policies.{recipe.plan.name}: its notes name {law['class']}, which is not in its package")
+    try:
+        remade: RigPolicy = imported(law["class"])(**law["parameters"])
+    except TypeError as error:
+        raise ValueError(f"policies.{recipe.plan.name}: its notes do not fit its class ({error})") from error
+    return remade
+
+
+def _results(pool: WorkerPool, tasks: Iterable[Callable[[], R]], work: str) -> Iterator[R]:
+    """Yields the results of tasks as they end; a worker that dies is an OSError."""
+    try:
+        yield from pool.run(tasks)
+    except LostWorkerError as error:
+        reason = f"a process died while {work} ({error_summary(error)}); what is finished is kept"
+        raise OSError(f"{reason}: give the command again, perhaps with fewer --jobs") from error
+
+
+def _set_index(shown: DemonstrationSet) -> SetIndex:
+    request = {
+        **{"good": shown.good, "bad": shown.bad, "seed": shown.seed, "code": code_digest()},
+        **{"scenario": dump_scenario(shown.scenario), "versions": versions()},
+    }
+    return SetIndex(DEMONSTRATIONS, request, tuple(request.file_name for request in shown.requests()))

@@ -1,0 +1,105 @@
+"""The trials of a sweep: what is kept in memory, what is written, and what is lost with a worker."""
+
+import itertools
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+from experiments.sweep import blocks, sweep_run
+from experiments.sweep.cells import cells_of
+from experiments.sweep.policy_store import PolicyStore
+from experiments.sweep.specification import read_specification
+from experiments.sweep.sweep_run import SweepRun
+from experiments.worker_pool import LostWorkerError, local_pool
+from models.scenario import dump_scenario
+from tests.experiments.sweep.conftest import rows_in
+from tests.experiments.sweep.made_up_rows import made_up_row
+
+ROWS = 2_000
+PUSH = {"make": "tests.experiments.sweep.pushes:push"}
+
+
+class ReadyRows:
+    """Yields rows that nobody has simulated, as a `WorkerPool` yields results; dies at some trials, so many times."""
+
+    def __init__(self, scenario="", deaths=None):
+        self._scenario, self.deaths = scenario, deaths or {}
+
+    def run(self, tasks):
+        for task in tasks:
+            place = task.args[0]
+            if self.deaths.get(place[1], 0):
+                self.deaths[place[1]] -= 1
+                raise LostWorkerError("killed")
+            yield place, made_up_row(place[1], scenario=self._scenario)
+
+
+def planned(path, folder):
+    found = cells_of(read_specification(path), "sweep")
+    todo = [(cell, block) for cell in found for block in cell.blocks(folder)]
+    store = PolicyStore(folder)
+    store.make({cell.recipe.digest: cell.recipe for cell, _ in todo}.values(), local_pool(1), lambda _: None)
+    return todo, store
+
+
+@pytest.mark.slow
+def test_thousands_of_rows_take_no_memory_that_grows(specification, skill_file, tmp_path, monkeypatch):
+    path = specification(policies={"mine": {"skill": str(skill_file)}}, trials={"number": ROWS})
+    todo, store = planned(path, tmp_path)
+    pool = ReadyRows(dump_scenario(todo[0][0].scenario))
+    monkeypatch.setattr(sweep_run, "WRITE_PERIOD", 0.05)
+    count, early = itertools.count(1), []
+
+    def advance(note):
+        if next(count) == ROWS // 5:
+            early.append(tracemalloc.get_traced_memory()[0])
+
+    tracemalloc.start()
+    try:
+        run = SweepRun(todo, store, pool, advance)
+        run.run()
+        late = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    assert run.written == ROWS
+    assert late - early[0] < 2e6  # bytes; all rows together have 7e6
+    rows = rows_in(tmp_path)
+    assert sorted(rows.trial) == list(range(ROWS))
+    assert rows.key.is_unique
+
+
+def test_a_lost_worker_costs_its_trial_once_and_what_always_kills_is_given_up(specification, tmp_path):
+    path = specification(policies={"push": PUSH}, trials={"number": 6})
+    todo, store = planned(path, tmp_path)
+    run = SweepRun(todo, store, ReadyRows(deaths={1: 1, 3: 9}), lambda note: None)
+    run.run()
+    assert sorted(rows_in(tmp_path).trial) == [0, 1, 2, 4, 5]
+    assert dict(run.failures) == {"its process died: LostWorkerError: killed": 1}
+    again, _ = planned(path, tmp_path)
+    assert [block.missing for _, block in again] == [{3}]
+
+
+def test_a_block_that_cannot_be_written_costs_no_rows_of_others(specification, tmp_path, monkeypatch):
+    path = specification(policies={"push": PUSH}, vary={"contact.friction": [0.1, 0.2, 0.3]}, trials={"number": 2})
+    todo, store = planned(path, tmp_path)
+    unwritable = todo[0][1].path
+    monkeypatch.setattr(sweep_run, "WRITE_PERIOD", 1000.0)  # all rows are written at the end
+    real = blocks.write_atomically
+
+    def write(path, data):
+        if path == unwritable:
+            raise OSError(28, "No space left on device")
+        real(path, data)
+
+    monkeypatch.setattr(blocks, "write_atomically", write)
+    run = SweepRun(todo, store, ReadyRows(), lambda note: None)
+    with pytest.raises(OSError, match=rf"{unwritable}: not written \(No space left"):
+        run.run()
+    assert len(rows_in(tmp_path)) == run.written == 4
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("path", sorted(Path("benchmarks/sweeps").glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_sweeps_of_this_project_can_be_planned(path):
+    assert sum(len(cell.numbers) for cell in cells_of(read_specification(path), "sweep")) >= 100
