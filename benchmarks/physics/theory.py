@@ -2,7 +2,7 @@
 
     python -m benchmarks.physics.theory [--tilt-deg 0.5] [--tilt-deg 1] [--friction 0.2] [--points 200]
                                         [--depth-mm 20] [--seed 0] [--engine exact] [--prism square]
-                                        [--pictures FOLDER] [--json FILE]
+                                        [--json FILE]
 
 Two-point depth and largest entry tilt are measured from Drake's meshes; the exact engine has none. Jamming, wedging and
 the two-point force balance are measured by simulating a peg with planar freedoms under constant loads, in Drake with
@@ -29,7 +29,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -48,7 +47,6 @@ from benchmarks.physics.contact_measurements import (
 )
 from benchmarks.physics.contact_probe import ContactProbe, PlanarProbe
 from benchmarks.physics.exact_probe import ExactProbe
-from benchmarks.physics.figures import draw_all
 from interfaces.terminal import progress
 from models.contact_theory import (
     exact_wedging_tilt,
@@ -166,9 +164,6 @@ def main(
     prism: Annotated[
         str, typer.Option(help=f"A peg that is not round, and its plane: one of {', '.join(PRISMS)}.", callback=_plane)
     ] = "",
-    pictures: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Draw the results in Drake into this folder.")
-    ] = None,
     json: JsonFile = None,
 ) -> None:
     began, scenario = time.process_time(), prism_in(prism) if prism else Scenario()
@@ -183,8 +178,6 @@ def main(
         for name, value in result.items():
             if not isinstance(value, list):
                 print(f"{name:32}{value if value is None or isinstance(value, int) else round(value, 5)}")
-    if pictures is not None and found:
-        draw_all(found, by_friction, pictures)
     finish({**found, "laws": by_friction, "seed": seed, "cpu_s": cpu}, json)
 
 

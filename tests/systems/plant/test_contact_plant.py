@@ -114,65 +114,6 @@ def test_the_peg_is_balanced_halfway_along_its_length(scenario):
     np.testing.assert_allclose(peg.default_com(), [0.0, 0.0, 0.020], atol=1e-15)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("load", [5.0, 20.0])
-def test_the_sensor_measures_the_force_that_presses_the_peg_on_the_floor(scenario, load):
-    bench = Bench(scenario, floor=load)
-    own = bench.settle(tip_z=-scenario.geometry.hole_depth + 2e-5, seconds=0.5)
-    wrench = bench.wrench()
-    assert wrench[2] == pytest.approx(load, rel=1e-3)
-    np.testing.assert_allclose(wrench[[0, 1, 3, 4, 5]], 0.0, atol=2e-3 * load)
-    speed = bench.plant.GetJointByName("feed").get_translation_rate(own)
-    assert abs(speed) < 1e-4
-    # Drake reports the same force, as one hydroelastic contact.
-    results = bench.plant.get_contact_results_output_port().Eval(own)
-    assert results.num_point_pair_contacts() == 0
-    assert results.num_hydroelastic_contacts() == 1
-    info = results.hydroelastic_contact_info(0)
-    assert abs(info.F_Ac_W().translational()[2]) == pytest.approx(load, rel=1e-3)
-
-
-def test_the_sensor_measures_nothing_without_contact(scenario):
-    bench = Bench(scenario)
-    own = bench.settle(tip_z=0.005, seconds=0.2)
-    np.testing.assert_allclose(bench.wrench(), np.zeros(6), atol=1e-6)
-    assert bench.plant.GetJointByName("feed").get_translation(own) == pytest.approx(
-        scenario.sensor.height + 0.005, abs=1e-9
-    )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("axis", "name", "torque"), [(0, "pitch", -0.4), (1, "yaw", 0.25)])
-def test_a_torque_deflects_a_stepper_by_torque_over_stiffness(scenario, axis, name, torque):
-    torques = [0.0, 0.0]
-    torques[axis] = torque
-    bench = Bench(scenario, torques=torques)
-    own = bench.settle(tip_z=0.02, seconds=0.6)
-    angle = bench.plant.GetJointByName(name).get_angle(own)
-    plant = bench.plant
-    # The weight of the block acts below the axes, like a pendulum.
-    bodies = [plant.GetBodyByName(n) for n in ("block", "pitch_ring", "yaw_ring")]
-    pivot = np.array([0.0, 0.0, scenario.rig.pivot_height])
-    moment = sum(
-        np.cross(
-            plant.EvalBodyPoseInWorld(own, body).multiply(body.CalcCenterOfMassInBodyFrame(own)) - pivot,
-            [0.0, 0.0, -G * body.default_mass()],
-        )
-        for body in bodies
-    )
-    assert angle == pytest.approx((torque + moment[axis]) / scenario.stepper.stiffness, rel=1e-3)
-    assert abs(angle) > 0.5 * abs(torque) / scenario.stepper.stiffness
-
-
-def test_the_torque_of_an_overloaded_stepper_is_its_holding_torque(scenario):
-    torque = 1.5 * scenario.stepper.holding_torque
-    bench = Bench(scenario, torques=[torque, 0.0])
-    own = bench.settle(tip_z=0.05, seconds=0.05)
-    plant = bench.plant
-    net = plant.get_net_actuation_output_port(plant.GetModelInstanceByName("gimbal")).Eval(own)
-    assert abs(net[0]) == pytest.approx(scenario.stepper.holding_torque, rel=1e-6)
-
-
 @pytest.mark.parametrize(("axis", "name", "force"), [(0, "mount_x", -30.0), (1, "mount_y", 100.0)])
 def test_a_lateral_force_deflects_the_mount_by_5_micrometres_per_newton(scenario, axis, name, force):
     """The default mount has 200 N/mm."""

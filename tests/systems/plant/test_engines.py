@@ -1,4 +1,4 @@
-"""The plant of the exact engine, against hand-worked statics, Drake's plant and a whole insertion."""
+"""The plants of both engines, against hand-worked statics, each other and a whole insertion."""
 
 import math
 
@@ -17,9 +17,9 @@ from tests.diagrams import unconnected_inputs
 from tests.systems.plant.engine_bench import Bench, G, hanging_weight
 
 
-@pytest.fixture
-def scenario(quick_scenario):
-    quick_scenario.rig.pivot_height, quick_scenario.contact.engine = 0.0, "exact"
+@pytest.fixture(params=["exact", "drake"])
+def scenario(quick_scenario, request):
+    quick_scenario.rig.pivot_height, quick_scenario.contact.engine = 0.0, request.param
     return quick_scenario
 
 
@@ -81,7 +81,9 @@ def test_two_contexts_do_not_disturb_each_other(scenario):
 
 
 @pytest.mark.slow
-def test_the_skill_inserts(scenario, skill):
+def test_the_skill_inserts_in_the_exact_engine(quick_scenario, skill):
+    scenario = quick_scenario
+    scenario.rig.pivot_height, scenario.contact.engine = 0.0, "exact"
     scenario.start.tilt = [0.04, -0.035]
     scenario.trial.time_limit = 8.0
     resolved = trial_scenario(scenario, number=1000)
