@@ -57,10 +57,9 @@ campaign: environment
 fuzz: environment
 	$(RUN) tests.fuzz --jobs 2 --json out/fuzz.json
 
-PHYSICS := theory clocking convergence clearance cost
+PHYSICS := theory clocking convergence clearance
 LEARNERS := regression contact_states
-SENSORS := age
-BENCHMARKS := $(PHYSICS:%=physics.%) $(LEARNERS:%=learners.%) $(SENSORS:%=sensors.%)
+BENCHMARKS := $(PHYSICS:%=physics.%) $(LEARNERS:%=learners.%)
 
 # With the demonstrations and the skill of `make demo`.
 bench: environment

@@ -294,11 +294,11 @@ def relative_entry_tilt(scenario: Scenario) -> float:
 
 
 TRIED = {"peg_radius (m)": (0.003, 0.030), "C/r": (0.002, 0.2), "hole_depth/r": (0.5, 5.0)}
-"""Sizes of the pegs of `benchmarks.own_pegs`."""
+"""Sizes of the pegs of docs/own_pegs.csv."""
 
 
 SMALL = 0.006
-"""Radius of a round peg below which skills of `benchmarks.own_pegs` may miss two or more of ten trials, m."""
+"""Radius of a round peg below which skills of docs/own_pegs.csv may miss two or more of ten trials, m."""
 
 
 def doubts(scenario: Scenario) -> list[str]:

@@ -26,7 +26,6 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from benchmarks.learners.gaussian_mixture_regression import best_mixture, gmr_predict
-from benchmarks.learners.published_competition import PublishedCompetition
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.gaussian_components import GaussianComponents
@@ -48,11 +47,6 @@ Demonstrations = list[Demonstration]
 def one_state() -> CompetitiveAgglomeration:
     """A single contact state; its gate still detects measurements unlike those of the demonstrations."""
     return CompetitiveAgglomeration(m_init=1)
-
-
-def literal_competition() -> PublishedCompetition:
-    """Competitive Agglomeration as printed in the paper: one start, no merging."""
-    return PublishedCompetition(random_state=0)
 
 
 def bad_left_out(demonstrations: Demonstrations) -> Demonstrations:

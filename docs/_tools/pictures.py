@@ -123,10 +123,6 @@ def both() -> dict[str, Path]:
 THEORY = "benchmarks.physics.theory --friction 0.1 --friction 0.2 --friction 0.3 --pictures docs/pictures"
 DIAGRAMS = "haptic_skill diagram --out docs/pictures"
 FIRST_HOUR = "tests.docs.first_hour out/first_hour"
-LEARNT = (
-    "benchmarks.rig.reinforcement --skill skill/default_skill.npz --steps 50000 --every 10000 --trials 10"
-    " --figure docs/pictures/reinforcement.svg"
-)
 
 COMMANDS: dict[str, Callable[[], object]] = {
     "insertion.webp": partial(film, "insertion", lambda: {"insertion": trial("usual", smooth)}),
@@ -147,7 +143,6 @@ COMMANDS: dict[str, Callable[[], object]] = {
     "insertion.png": partial(shutil.copy, OUT / "fig5_insertion.png", PICTURES / "insertion.png"),
     "demonstrations.png": partial(shutil.copy, OUT / "demonstrations" / "demonstrations.png", PICTURES),
     "gymnasium.png": rendered,
-    "reinforcement.svg": partial(shell, LEARNT),
     **{
         name: partial(shell, THEORY)
         for name in ("two_point_depth.svg", "jamming.svg", "wedging.svg", "force_balance.svg")
