@@ -47,7 +47,8 @@ def main(
 
     Records demonstrations in the virtual environment, discovers the contact states, learns the action in each, collects
     corrections where the skill gets stuck in practice, and inserts on the rig from tilts that it has not seen. The rig
-    uses seed x trials as its seed, so that another seed gives other trials.
+    uses seed x trials as its seed, so that another seed gives other trials. Without --engine the demonstrations are
+    made in the contact of the scenario, and all that follows on rigid bodies, which take a tenth of the time.
 
     Reads a scenario. Writes into the folder of `--out` the recordings, the skill, the runs with their report and
     replays, three figures and a replay of one demonstration. Replaces what an earlier demo left there, once the new
@@ -70,8 +71,9 @@ def main(
     from interfaces.terminal import only_progress, say, show
     from models.scenario import dump_scenario
     from skill.data.files import write_atomically
+    from skill.manipulation_skill import ManipulationSkill
 
-    start_time = time.monotonic()
+    start_time, performed_in = time.monotonic(), engine or "exact"
     recorded, inserted, skill_file, state_file = out / "demonstrations", out / "rig", out / SKILL, out / UNFINISHED
     text = dump_scenario(read_scenario(scenario, engine))
     request = {**{"good": good, "bad": bad, "trials": trials, "seed": seed}, "scenario": text, "versions": versions()}
@@ -103,9 +105,11 @@ def main(
             finish("record")
             if "skill" not in finished:
                 train([recorded], out=skill_file, seed=seed)
+                if performed_in == "exact":
+                    compile_loop(skill_file, scenario)
                 plan = CorrectionPlan(rounds=1, trials=PRACTICE_TRIALS, most=CORRECTIONS, seed=seed)
                 files = (skill_file, recorded, out / "corrections", skill_file)
-                correct_simulated(*files, plan, scenario=scenario, engine=engine, jobs=jobs, overwrite=True)
+                correct_simulated(*files, plan, scenario=scenario, engine=performed_in, jobs=jobs, overwrite=True)
                 finish("skill")
             first, is_old = seed * trials, "rig" not in finished
             rig.main(
@@ -113,7 +117,7 @@ def main(
                 trials,
                 first,
                 scenario=scenario,
-                engine=engine,
+                engine=performed_in,
                 out=inserted,
                 jobs=jobs,
                 overwrite=is_old,
@@ -135,6 +139,19 @@ def main(
     say(f"  {inserted / rig.REPORT}: all trials, and a replay of each")
     say(f"  {inserted / rig.REPLAY.format(hardest.seed)}: the insertion from the largest tilt")
     say(f"  {out / 'replay_demonstration.html'}: a demonstration")
+
+
+def compile_loop(skill_file: Path, scenario: str) -> None:
+    """Performs the beginning of a trial, so that the loop is compiled before several processes need it."""
+    from experiments.trial.run_trial import perform_trial
+    from experiments.trial.trial_set import trial_scenario
+    from interfaces.terminal import busy
+    from skill.manipulation_skill import ManipulationSkill
+
+    chosen = read_scenario(scenario, "exact")
+    chosen.trial.time_limit = 0.05
+    with busy("compiling, once on this machine, about two minutes"):
+        perform_trial(trial_scenario(chosen, number=0), ManipulationSkill.load(skill_file), number=0)
 
 
 def starting_tilt(recording: Path) -> float:
