@@ -25,7 +25,6 @@ from scripts.train import train
 
 if TYPE_CHECKING:
     from experiments.trial.trial_result import TrialResult
-    from skill.manipulation_skill import ManipulationSkill
 
 PRACTICE_TRIALS, CORRECTIONS = 16, 8
 SKILL, UNFINISHED = "skill.npz", ".unfinished-demo.json"
