@@ -30,38 +30,19 @@ class BusyError(OSError):
 
 
 @contextmanager
-def locked_folder(folder: Path) -> Iterator[None]:
+def locked_folder(folder: Path, *, name: str = LOCK_NAME, subject: Path | None = None) -> Iterator[None]:
     """Holds a folder; creates it, and removes it at the end if it stayed empty. A process may nest it.
 
+    Args:
+        folder: to hold.
+        name: of the file of the lock.
+        subject: what is held, for messages; the folder if it is None.
+
     Raises:
-        BusyError: if another process holds the folder. The message names the process.
+        BusyError: if another process holds it. The message names the process.
         OSError: if the folder cannot be written.
     """
-    with _locked(folder / LOCK_NAME, folder):
-        yield
-
-
-@contextmanager
-def locked_file(path: Path) -> Iterator[None]:
-    """Holds a file that is to be written, as `locked_folder` holds a folder; removes what a killed process left."""
-    with _locked(path.parent / f".{path.name}.lock", path):
-        remove_unfinished(path.parent, [path.name])
-        yield
-
-
-def remove_unfinished(folder: Path, names: Iterable[str]) -> None:
-    """Removes the temporary files that a killed process left beside files with these names."""
-    temporary = re.compile(rf"\.(.+){re.escape(TEMPORARY_MARK)}[a-z0-9_]{{8}}")
-    known = set(names)
-    for path in folder.glob(".*"):
-        match = temporary.fullmatch(path.name)
-        if match and match[1] in known and path.is_file():
-            path.unlink()
-
-
-@contextmanager
-def _locked(path: Path, subject: Path) -> Iterator[None]:
-    path = path.parent.resolve() / path.name  # a link in its place is not followed
+    path = folder.resolve() / name  # a link in its place is not followed
     if path in _held:
         yield
         return
@@ -76,7 +57,9 @@ def _locked(path: Path, subject: Path) -> Iterator[None]:
         with suppress(OSError):  # it has just gone
             holder = path.read_text(errors="replace")
         holder = holder or "another process"
-        raise BusyError(f"{subject}: {holder} writes here; wait for it, stop it, or choose another --out") from None
+        raise BusyError(
+            f"{subject or folder}: {holder} writes here; wait for it, stop it, or choose another --out"
+        ) from None
     except OSError as error:
         raise OSError(f"{path}: the lock cannot be taken ({error.strerror or error})") from error
     _held.add(path)
@@ -89,3 +72,21 @@ def _locked(path: Path, subject: Path) -> Iterator[None]:
         for folder in missing:
             with suppress(OSError):  # not empty
                 folder.rmdir()
+
+
+@contextmanager
+def locked_file(path: Path) -> Iterator[None]:
+    """Holds a file that is to be written, as `locked_folder` holds a folder; removes what a killed process left."""
+    with locked_folder(path.parent, name=f".{path.name}.lock", subject=path):
+        remove_unfinished(path.parent, [path.name])
+        yield
+
+
+def remove_unfinished(folder: Path, names: Iterable[str]) -> None:
+    """Removes the temporary files that a killed process left beside files with these names."""
+    temporary = re.compile(rf"\.(.+){re.escape(TEMPORARY_MARK)}[a-z0-9_]{{8}}")
+    known = set(names)
+    for path in folder.glob(".*"):
+        match = temporary.fullmatch(path.name)
+        if match and match[1] in known and path.is_file():
+            path.unlink()

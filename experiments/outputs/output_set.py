@@ -258,6 +258,8 @@ def finish_replacement(folder: Path) -> None:
         ValueError: if the hidden folder ``READY`` holds what this program did not write there.
     """
     ready = folder / READY
+    if not ready.exists() and not ready.is_symlink():
+        return
     check_own_folder(ready)
     old, new = read_index(folder), read_index(ready)  # the index moves last
     if new is not None:

@@ -375,7 +375,8 @@ def test_the_file_with_the_odd_geometry_is_named(tmp_path):
     for n, shown in enumerate(made_up_demonstrations(3)):
         odd = with_geometry(shown, {**GEOMETRY, "peg_radius": 0.00995}) if n == 0 else shown
         write_demonstration(odd, tmp_path / f"{n}.parquet")
-    message = rf"{tmp_path}/0\.parquet: peg_radius 0\.00995, but 0\.01 in 2 of 3 demonstrations, such as .*1\.parquet;"
+    found = rf"{tmp_path}/0\.parquet: geometry\.peg_radius 0\.00995 m, not 0\.01 m in 2 of 3 demonstrations"
+    message = rf"{found}, such as .*1\.parquet;"
     with pytest.raises(ValueError, match=message):
         ManipulationSkill(**single_state()).fit(read_demonstrations(tmp_path))
 

@@ -32,7 +32,7 @@ def hinged_demonstrations(number=8):
         samples["z"] = -shallow - np.where(np.arange(len(samples)) > 0.9 * len(samples), 0.0155, 0.0)
         turns = np.cumsum(rng.normal(0.0, 2e-3, len(samples)))
         samples["ry"] = np.diff(turns, prepend=0.0)
-        samples["fx"] = 6.0 + 800.0 * turns + rng.normal(0.0, 0.1, len(samples))
+        samples["fx"] = 6.0 + 800.0 * turns + 0.1 * np.arange(len(samples)) + rng.normal(0.0, 0.1, len(samples))
         samples["fy"] = rng.normal(0.0, 0.05, len(samples))
         demonstrations.append(replace(made, samples=samples))
     return demonstrations

@@ -7,7 +7,6 @@ import pkgutil
 import numpy as np
 import pytest
 import yaml
-from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import LeafSystem
@@ -18,7 +17,6 @@ from models.scenario import TRIAL_STREAM, Scenario, load_scenario, resolve_scena
 from systems.arm.kinematics import ArmKinematics
 from systems.control.watchdog import COMMANDS
 from systems.haptics.virtual_fixture import FreeFixture
-from systems.plant.exact_plant import ExactPlant
 from systems.steps.force_guard import GuardLimits, StoppingModel
 from systems.steps.limits import drive_limits, retract_limits, sensor_limits
 from systems.steps.policy_controller import ControllerLimits
@@ -64,10 +62,6 @@ ARGUMENTS = {
     "SensorMonitor": lambda skill: {"limits": sensor_limits(S), "period": 1e-3},
     "ExactPeg": lambda skill: {"scenario": S},
     "ExactPlant": lambda skill: {"scenario": TRIAL},
-    "PegDisplay": lambda skill: {"scenario": S, "meshcat": Meshcat(), "period": 0.03},
-    "RigDisplay": lambda skill: {
-        **{"scenario": TRIAL, "plant": ExactPlant(TRIAL), "meshcat": Meshcat(), "period": 0.03},
-    },
     "PassivityObserver": lambda skill: {"period": 1e-3, "X_HD_start": X},
     "SimulatedOperator": lambda skill: {
         "operator": S.operator,
@@ -75,9 +69,6 @@ ARGUMENTS = {
         "start_height": 0.003,
         "tilt": [0.0, 0.0],
         "offset": [0.0, 0.0],
-    },
-    "StateDisplay": lambda skill: {
-        **{"meshcat": Meshcat(), "n_states": 1, "geometry": S.geometry, "home": 0.08, "period": 0.03},
     },
     "StepperMotor": lambda skill: {"parameters": S.stepper, "period": 1e-3, "start_angle": 0.0},
     "Watchdog": lambda skill: {"limits": retract_limits(S)},
