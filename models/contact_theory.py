@@ -93,12 +93,6 @@ def jamming_load(force: ArrayLike, moment: ArrayLike, *, slenderness: float, fri
     return np.asarray(np.maximum(two_point, friction * np.abs(x)))
 
 
-def jamming_vertices(*, slenderness: float, friction: float) -> Array:
-    """Returns the corners (4, 2) of the jamming diagram, in F_x / F_z and M / (r F_z)."""
-    a, b = (1.0 / friction, -1.0), (-1.0 / friction, 2.0 * slenderness + 1.0)
-    return np.array([a, b, (-a[0], -a[1]), (-b[0], -b[1])])
-
-
 def two_point_axial_force(
     lateral: ArrayLike, moment: ArrayLike, *, depth: ArrayLike, peg_radius: float, friction: float
 ) -> Array:
