@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gymnasium
 
-ENTRY_POINT = "interfaces.gym.peg_in_hole:PegInHole"
+ENTRY_POINT = "interfaces.gym.environment:InsertionEnv"
 
 gymnasium.register(id="PegInHole-v0", entry_point=ENTRY_POINT, kwargs={"trial_set": "usual"})
 gymnasium.register(id="PegInHole-Hard-v0", entry_point=ENTRY_POINT, kwargs={"trial_set": "hard"})

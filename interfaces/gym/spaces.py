@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 from gymnasium import spaces
+from pydrake.systems.framework import Context
 
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.policy import RigPolicy
+from skill.replaced_wrench import ReplacedEstimate
 from skill.states.estimate import Estimate
 from systems.plant.rig_plant import stepper_axes
+from systems.rig_diagram import RigDiagram
+
+Observation = dict[str, Array]
 
 DEPTH_MARGIN = 0.05
 """Distance (m) from the travel limits of the feed to the bounds of the depth: no sound trial gets there."""
@@ -82,7 +87,7 @@ def _shares(probabilities: Array) -> spaces.Box:
     return spaces.Box(np.zeros_like(probabilities), np.full_like(probabilities, 1.0 + ROUNDING), dtype=np.float64)
 
 
-def checked_action(action: object, size: int, axes: int) -> Array:
+def command(action: object, size: int, axes: int) -> Array:
     """Returns an action as the command (5,) of a `CommandedPolicy`; the support is 1 if the action has none.
 
     A finite action outside the space is permitted: the controller limits it, as that of every policy.
@@ -93,15 +98,35 @@ def checked_action(action: object, size: int, axes: int) -> Array:
         axes: number of the axes of the hole.
 
     Raises:
-        ValueError: if the shape is wrong, or a number is NaN, infinite, or no real number.
+        ValueError: if the shape is wrong, or a number is NaN or infinite.
     """
-    try:
-        given = np.asarray(action)
-    except ValueError:  # lists of different lengths
-        given = np.empty(0)
-    if given.shape != (size,) or given.dtype.kind not in "iuf" or not np.isfinite(given).all():
+    values = np.asarray(action, dtype=float)
+    if values.shape != (size,) or not np.isfinite(values).all():
         raise ValueError(f"action {action}: expected {size} finite numbers (turn rates, feed speed), shape ({size},)")
-    values = given.astype(float)
     turns, others = np.zeros(3), np.array([0.0, 1.0])
     turns[:axes], others[: size - axes] = values[:axes], values[axes:]
     return np.concatenate([turns, others])
+
+
+def observe(rig: RigDiagram, context: Context) -> tuple[Observation, Array]:
+    """Returns what the rig measures, estimates and commands now, with or without a policy; and the measured wrench.
+
+    The wrench (6,), N and N m, is that of the sensor, whatever the policy receives of it.
+    """
+    controller, guard = rig.law.controller, rig.law.force_guard
+    own, guards = controller.GetMyContextFromRoot(context), guard.GetMyContextFromRoot(context)
+    wrench, depth = (np.array(controller.GetInputPort(name).Eval(own)) for name in ("wrench", "depth"))
+    estimate: Estimate = controller.GetInputPort("estimate").Eval(own)
+    received = estimate.measured[:6].copy() if isinstance(estimate, ReplacedEstimate) else wrench
+    modes = [controller.GetOutputPort(name).Eval(own)[0] for name in ("turning", "back_off")]
+    commands = (*(f"target_{axis}" for axis in stepper_axes(rig.scenario)), "feed_speed")
+    *targets, feed = (guard.GetOutputPort(name).Eval(guards)[0] for name in commands)
+    found = {
+        "probabilities": estimate.states,
+        "wrench": received,
+        "depth": depth,
+        "angles": np.array(targets),
+        "feed": np.array([feed]),
+        "control": np.array(modes),
+    }
+    return found, wrench
