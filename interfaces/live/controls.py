@@ -7,6 +7,7 @@ that the page has no control for.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -138,7 +139,7 @@ class LiveControls:
         match event["type"]:
             case "button" if event["name"] in self._buttons:
                 self._clicked.add(event["name"])
-            case "slider":
+            case "slider" if math.isfinite(event["value"]):
                 self.SetSliderValue(event["name"], event["value"], source=browser)
                 self._sliders[event["name"]].moves += 1  # after the value: who sees the move sees the value too
                 return True

@@ -87,9 +87,10 @@ class LiveDisplay:
 
     Args:
         page: page with the scene, the buttons of the views, and the panel of readings and messages.
+        moves_hand: whether the controls of the page move the peg, and not a haptic device.
     """
 
-    def __init__(self, page: LivePage) -> None:
+    def __init__(self, page: LivePage, *, moves_hand: bool = True) -> None:
         self._page = page
         self._contact = Arrow(page.scene, "live/contact_force", scale=CONTACT_SCALE, colour=CONTACT, order=10.0)
         self._rendered = Arrow(page.scene, "live/rendered_force", scale=RENDERED_SCALE, colour=LOW, order=11.0)
@@ -100,6 +101,7 @@ class LiveDisplay:
         for path in ("/Grid", "/Axes"):  # they are metres wide
             page.scene.SetProperty(path, "visible", False)
         page.scene.SetProperty("/Lights/AmbientLight/<object>", "intensity", 0.9)
+        page.show(motion=moves_hand)
         self.reset_camera()
 
     def show_message(self, message: str, phase: str | None = None) -> None:

@@ -16,7 +16,7 @@ from interfaces.live.viewer_scene import ViewerScene
 
 PANEL = Path(__file__).with_name("panel")
 # The first one serves the others.
-SCRIPTS = ("panel.js", "readings.js", "pictures.js", "guide.js")
+SCRIPTS = ("panel.js", "readings.js", "pictures.js", "rumble.js", "guide.js")
 HEAD = '<link rel="icon" href="data:,">'  # without it a browser asks for one, at an address without the token
 PORTS = range(7100, 7200)  # tried one after another if no port is given
 MAX_PORT = 65535

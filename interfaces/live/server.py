@@ -209,17 +209,23 @@ class PageHandler(GuardedHandler, WebSocketHandler):
 
 
 def is_own_host(name: str, *, listens_at: str) -> bool:
-    """Whether a name in a Host header is that of the server, or an IP address.
+    """Whether a name in a Host header is that of the server or an IP address: of this machine only, for a local server.
 
     A foreign site can let its own *name* point to this machine (DNS rebinding), but not an address.
     """
-    if name.lower() in ("localhost", listens_at.lower()):
-        return True
+    address = ip_address(name.removeprefix("[").removesuffix("]"))
+    own = ip_address(listens_at)
+    is_local = listens_at.lower() == "localhost" or (own is not None and own.is_loopback)
+    is_own_address = address is not None and (address.is_loopback or not is_local)
+    return is_own_address or name.lower() in ("localhost", listens_at.lower())
+
+
+def ip_address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """Returns the IP address in a text, or None if it is something else."""
     try:
-        ipaddress.ip_address(name.removeprefix("[").removesuffix("]"))
+        return ipaddress.ip_address(name)
     except ValueError:
-        return False
-    return True
+        return None
 
 
 def page_host(host: str) -> str:

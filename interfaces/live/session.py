@@ -89,7 +89,7 @@ class LiveSession:
         for label, key in KEYS.items():
             page.controls.AddButton(label, key)
         self._input = PageInput(page.controls, self._move_hand) if driver is None else None
-        self._display = LiveDisplay(page)
+        self._display = LiveDisplay(page, moves_hand=driver is None)
         for keys, action in SESSION_HELP if driver is not None else MOTION_HELP + SESSION_HELP:
             announce(f"  {' '.join(keys):10s} {action}")
         self._servo: ServoClient | None = None

@@ -87,6 +87,7 @@ JUNK = {
     "cut off": pack(type="button", name="keep")[:-1],
     "huge length": b"\xdd\xff\xff\xff\xff",
     "nested": b"\x91" * 4000 + b"\x00",
+    "infinite": pack(type="slider", name="depth", value=-math.inf),
     "a list": umsgpack.packb(["button", "keep"]),
     "unknown type": pack(type="set_object", name="keep"),
     "unhashable name": pack(type="button", name=["keep"]),

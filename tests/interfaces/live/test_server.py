@@ -126,9 +126,16 @@ def test_page_of_an_unsupported_drake_is_an_error(monkeypatch, tmp_path):
 # ---------------------------------------------------------------- who is let in
 
 
-@pytest.mark.parametrize("host", ["localhost", "LocalHost", "127.0.0.1", "127.1.2.3", "[::1]", "192.168.1.5"])
-def test_localhost_and_addresses_are_own_hosts(host):
-    assert is_own_host(host, listens_at="127.0.0.1")
+@pytest.mark.parametrize("host", ["localhost", "LocalHost", "127.0.0.1", "127.1.2.3", "[::1]"])
+@pytest.mark.parametrize("listens_at", ["127.0.0.1", "localhost", "::1", "0.0.0.0"])
+def test_localhost_and_addresses_of_this_machine_are_own_hosts(host, listens_at):
+    assert is_own_host(host, listens_at=listens_at)
+
+
+def test_other_addresses_are_own_hosts_of_a_server_in_the_network_only():
+    address = "192.168.1.5"
+    assert all(is_own_host(address, listens_at=host) for host in ("0.0.0.0", "::", "lab.local", address))
+    assert not any(is_own_host(address, listens_at=host) for host in ("127.0.0.1", "LocalHost", "::1"))
 
 
 @pytest.mark.parametrize(
