@@ -101,9 +101,9 @@ def export_mcap(run: Run, out: Log = None) -> None:
     check_file(log, ".mcap", option="OUT")
     recording = read_rig_run(run) if is_run(run) else read_demonstration(run)
     with busy(f"writing {log.name}"), locked_file(log), named_errors(log, "the recording is unchanged"):
-        content = recording_log(recording)
-        write_atomically(log, content.data)
-    counts = ", ".join(f"{number} {topic}" for topic, number in content.messages.items())
+        data, messages = recording_log(recording)
+        write_atomically(log, data)
+    counts = ", ".join(f"{number} {topic}" for topic, number in messages.items())
     say(f"{log}: {counts}")
 
 

@@ -209,32 +209,27 @@ def read_dataset(folder: Path) -> tuple[str, list[StoredRecording]]:
         ValueError: if a file is missing or damaged, or the data set lacks what `haptic-skill export lerobot` adds. The
             message names the file and what is missing.
     """
-    info = _object(folder / "meta" / "info.json", "; expected a data set of LeRobot")
-    features = info.get("features")
-    features = features if isinstance(features, dict) else {}
+    info = _object(folder / "meta" / "info.json", "a data set of LeRobot")
     if info.get("codebase_version") != VERSION:
         raise ValueError(f"{folder}: version {info.get('codebase_version')!r:.40} of the format, expected {VERSION}")
-    about = _object(folder / ABOUT, "") if (folder / ABOUT).exists() else None
-    episodes = sorted((folder / "meta" / "episodes").glob("chunk-*/*.parquet"))
-    tables = [_episodes(path) for path in episodes]
-    missing = [
-        *([] if about is not None else [f"the file {ABOUT}"]),
-        *([] if "recording" in features else ["the feature 'recording'"]),
-        *([] if tables and all(table is not None for table in tables) else [f"{NAME} and {HEADER} of the episodes"]),
-    ]
-    if about is None or missing:
-        raise ValueError(
-            f"{folder}: lacks {', '.join(missing)}; expected a data set that 'haptic-skill export lerobot' wrote"
-            " (to discover contact states in another one: haptic-skill states FOLDER)"
-        )
-    kind, recording = about.get("kind"), features["recording"]
-    names = recording.get("names") if isinstance(recording, dict) else None
+    about = _object(
+        folder / ABOUT,
+        "a data set that 'haptic-skill export lerobot' wrote"
+        " (to discover contact states in another one: haptic-skill states FOLDER)",
+    )
+    kind = about.get("kind")
     if about.get("format_version") != ABOUT_VERSION or kind not in HEADER_KEYS:
         raise ValueError(f"{folder / ABOUT}: version {about.get('format_version')!r:.20}, kind {kind!r:.40}; expected"
                          f" version {ABOUT_VERSION} and {' or '.join(HEADER_KEYS)}")  # fmt: skip
+    features = info.get("features")
+    recording = features.get("recording") if isinstance(features, dict) else None
+    names = recording.get("names") if isinstance(recording, dict) else None
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise ValueError(f"{folder}: the feature 'recording' has no names of columns")
-    headers = pd.concat([table for table in tables if table is not None]).sort_values("episode_index")
+    episodes = sorted((folder / "meta" / "episodes").glob("chunk-*/*.parquet"))
+    if not episodes:
+        raise ValueError(f"{folder}: no files meta/episodes/chunk-*/*.parquet")
+    headers = pd.concat([_episodes(path) for path in episodes]).sort_values("episode_index")
     return kind, list(_recordings(folder, kind, names, headers))
 
 
@@ -317,24 +312,19 @@ def _check_index(table: pa.Table, name: str, path: Path) -> None:
         raise ValueError(f"{path}: '{name}' has type {column.type}, expected a whole number in each row")
 
 
-def _episodes(path: Path) -> pd.DataFrame | None:
-    """Numbers, names and headers of episodes; None if they have no names or headers."""
-    lacks: list[str] = []
-
-    def choose(schema: pa.Schema) -> list[str]:
-        lacks.extend(name for name in (NAME, HEADER) if name not in schema.names)
-        return ["episode_index", *(name for name in (NAME, HEADER) if name in schema.names)]
-
-    table = read_columns(path, choose)
+def _episodes(path: Path) -> pd.DataFrame:
+    """Numbers, names and headers of episodes."""
+    table = read_columns(path, lambda _: ["episode_index", NAME, HEADER])
     _check_index(table, "episode_index", path)
-    return None if lacks else table.to_pandas().astype({NAME: object, HEADER: object})
+    rows: pd.DataFrame = table.to_pandas().astype({NAME: object, HEADER: object})
+    return rows
 
 
 def _object(path: Path, expected: str) -> dict[str, Any]:
     try:
         return parse_object(read_bounded(path, MAX_LENGTH))
     except FileNotFoundError:
-        raise ValueError(f"{path}: no such file{expected}") from None
+        raise ValueError(f"{path}: no such file; expected {expected}") from None
     except (OSError, ValueError) as error:
         raise ValueError(f"{path}: damaged ({one_line(error)})") from error
 

@@ -13,7 +13,6 @@ import json
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -82,19 +81,6 @@ JSON_TYPES: dict[str, dict[str, dict[str, str]]] = {
 """Fields of the messages in JSON, in SI units."""
 
 
-@dataclass(frozen=True)
-class Log:
-    """A log.
-
-    Attributes:
-        data: the MCAP file.
-        messages: number of messages of each topic.
-    """
-
-    data: bytes
-    messages: Mapping[str, int]
-
-
 class _Message(NamedTuple):
     """A message at a time, ns; its content is encoded, or the fields of a message in JSON."""
 
@@ -104,8 +90,8 @@ class _Message(NamedTuple):
     content: bytes | Mapping[str, Any]
 
 
-def recording_log(recording: Demonstration | RigRun) -> Log:
-    """Returns a recording as a log.
+def recording_log(recording: Demonstration | RigRun) -> tuple[bytes, Counter[str]]:
+    """Returns a recording as a log: the MCAP file, and the number of messages of each topic.
 
     Raises:
         ModuleNotFoundError: if the package ``mcap`` is missing.
@@ -134,7 +120,7 @@ def recording_log(recording: Demonstration | RigRun) -> Log:
     metadata = {str(name): json.dumps(value) for name, value in recording.metadata.items()}
     writer.add_metadata("haptic_skill", {"kind": kind, **metadata})
     writer.finish()  # type: ignore[no-untyped-call]
-    return Log(stream.getvalue(), counts)
+    return stream.getvalue(), counts
 
 
 def _run_messages(run: RigRun) -> Iterator[_Message]:

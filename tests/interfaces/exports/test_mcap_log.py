@@ -27,8 +27,9 @@ def recording(request):
 
 def read(log):
     """The topics of a log: their schema, channel and messages."""
+    data, _ = log
     topics = {}
-    for schema, channel, message in make_reader(io.BytesIO(log.data), validate_crcs=True).iter_messages():
+    for schema, channel, message in make_reader(io.BytesIO(data), validate_crcs=True).iter_messages():
         topics.setdefault(channel.topic, (schema, channel, []))[2].append(message)
     return topics
 
@@ -36,10 +37,10 @@ def read(log):
 def test_the_reader_of_mcap_finds_all_messages(recording):
     log = recording_log(recording)
     topics = read(log)
-    assert {topic: len(messages) for topic, (_, _, messages) in topics.items()} == dict(log.messages)
+    assert {topic: len(messages) for topic, (_, _, messages) in topics.items()} == log[1]
     assert len(topics["/wrench"][2]) == len(recording.samples)
-    summary = make_reader(io.BytesIO(log.data)).get_summary()
-    assert summary.statistics.message_count == sum(log.messages.values())
+    summary = make_reader(io.BytesIO(log[0])).get_summary()
+    assert summary.statistics.message_count == sum(log[1].values())
 
 
 def test_schemas_say_how_the_messages_are_encoded(recording):
@@ -99,7 +100,7 @@ def test_the_pose_of_the_hole_turns_about_the_pivot():
 
 def test_the_own_reader_reads_the_wrench_back(recording, tmp_path):
     path = tmp_path / "a.mcap"
-    path.write_bytes(recording_log(recording).data)
+    path.write_bytes(recording_log(recording)[0])
     [found] = read_bag(path)
     np.testing.assert_array_equal(found.values, recording.samples[list(found.channels)])
     np.testing.assert_allclose(found.time, recording.samples["time"], rtol=0, atol=1e-9)
@@ -119,7 +120,7 @@ def test_states_commands_and_the_result_of_a_run():
     assert [c["back_off"] for c in contents(log, "/command")] == (run.samples["back_off"] > 0).tolist()
     [outcome] = contents(log, "/outcome")
     assert outcome == {"outcome": "inserted", "success": True, "result": run.result}
-    [metadata] = make_reader(io.BytesIO(log.data)).iter_metadata()
+    [metadata] = make_reader(io.BytesIO(log[0])).iter_metadata()
     assert json.loads(metadata.metadata["geometry"]) == run.metadata["geometry"]
 
 
