@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from interfaces.reports.page_template import definitions, fill_page, script_value, tiles
 from interfaces.reports.result_tables import following_texts
-from interfaces.reports.state_flow import state_flow
 from skill.arrays import Array
 from skill.recordings.channel_groups import channel_groups
 from skill.states.phase_agreement import PhaseAgreement, phase_codes
@@ -76,7 +75,6 @@ def states_page(report: StatesReport) -> str:
             _row(state, _chip(k, colours[k], inks[k]), columns, len(report.labelled))
             for k, state in enumerate(report.states)
         ),
-        flow=state_flow(report.states, colours, inks),
         phases=_phase_table(report.agreement, colours, inks),
         thinned=f" The page contains every {stride}th sample." if stride > 1 else "",
         legend="".join(

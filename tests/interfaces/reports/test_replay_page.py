@@ -80,7 +80,7 @@ def test_page_of_a_rig_run_shows_the_scene_and_the_sample_at_a_time(write_page):
 
 
 @pytest.mark.browser
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_page_of_a_run_lists_the_states_that_never_occur(write_page):
     motion = motion_of_run(make_rig_run(state_names=[*STATE_NAMES, "never seen"]))
     with open_page(write_page(motion)) as browser:
@@ -90,7 +90,7 @@ def test_page_of_a_run_lists_the_states_that_never_occur(write_page):
 
 
 @pytest.mark.browser
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_page_of_a_demonstration_plays_to_its_end(write_page):
     with open_page(write_page(motion_of_demonstration(make_demonstration()), speed=8)) as browser:
         browser.wait("window.replay && replay.time() >= replay.end - 1e-6")

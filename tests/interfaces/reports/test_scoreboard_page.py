@@ -204,7 +204,7 @@ def test_the_page_opens_sorts_and_fits(results):
 
 
 @pytest.mark.browser
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_is_legible_in_both_schemes_and_on_narrow_screens(results, scheme):
     with open_page(results[1], size=(500, 800)) as page:

@@ -222,7 +222,7 @@ def test_the_page_draws_what_is_in_view_and_reads_values_at_the_cursor(page_file
 
 
 @pytest.mark.browser
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_gap_has_no_colour_of_a_state(tmp_path):
     time = [7.0 + 0.1 * k + (3.0 if k >= 15 else 0.0) for k in range(30)]  # from 1.5 to 4.4 s there are no samples
     path = tmp_path / "states.html"
@@ -244,7 +244,7 @@ def test_a_gap_has_no_colour_of_a_state(tmp_path):
 
 
 @pytest.mark.browser
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_channels_are_switched_off_and_a_phone_is_wide_enough(page_file):
     with open_page(page_file, size=(1280, 900)) as page:
         page.wait("window.statesPage && statesPage.ready")
