@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, EventStatus
 
 from experiments.trial.ended_trial import EndedTrial, Looks
 from experiments.trial.force_metrics import ForceMetrics
-from experiments.trial.motion_metrics import MotionMetrics
+from experiments.trial.motion_metrics import motion_figures
 from experiments.trial.penetration import deepest_overlap
 from models.scenario import Scenario
 from skill.arrays import Array
@@ -29,7 +29,7 @@ class TrialRecord:
 
     Attributes:
         forces: the forces so far.
-        motion: the motion of the peg so far.
+        tips: positions (3,) of the tip in the hole after each step, m.
     """
 
     def __init__(self, rig: RigDiagram, scenario: Scenario) -> None:
@@ -37,7 +37,7 @@ class TrialRecord:
         self._poses: list[Array] = []
         self._contacts: list[tuple[int, Array]] = []
         self.forces = ForceMetrics(scenario.geometry.reach, scenario.contact.time_step)
-        self.motion = MotionMetrics(scenario.contact.time_step, scenario.geometry.hole_depth)
+        self.tips: list[Array] = []
 
     def add_row(self, context: Context) -> None:
         """Records what is kept once a controller period."""
@@ -53,7 +53,7 @@ class TrialRecord:
         The single contacts cost more than the net wrench: between two rows they are read only where
         `ForceMetrics.needs_contacts` says so.
         """
-        self.motion.add_step(self._rig.plant.peg_in_hole(context).translation())
+        self.tips.append(self._rig.plant.peg_in_hole(context).translation())
         if context.get_time() > 0:
             self.forces.add_step(wrench)
             if self.forces.needs_contacts(wrench, self._rig.plant.contact_extent(context)):
@@ -222,7 +222,7 @@ class TrialRun:
             depth=monitor.depth,
             samples=self.samples(),
             forces=record.forces.figures(rig.law.peak_load(context)),
-            motion=record.motion.figures(),
+            motion=motion_figures(record.tips, self._scenario.contact.time_step, self._scenario.geometry.hole_depth),
             penetration=record.penetration(),
             looks=record.looks(),
         )

@@ -1,11 +1,12 @@
-"""Accumulates the motion of the peg in a trial and reduces it to path length and jerk."""
+"""Reduces the motion of the peg in a trial to path length and jerk."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import ArrayLike
 
 from skill.arrays import Array
 
@@ -28,30 +29,9 @@ class MotionFigures:
     start_distance: float
 
 
-@dataclass
-class MotionMetrics:
-    """The motion of a trial so far.
-
-    Attributes:
-        step: time between two positions, s.
-        hole_depth: depth of the hole, m.
-    """
-
-    step: float
-    hole_depth: float
-    _tips: list[Array] = field(default_factory=list)
-
-    def add_step(self, tip: Array) -> None:
-        """Adds the position (3,) of the tip in H (m) at the next step of the plant."""
-        self._tips.append(tip)
-
-    def figures(self) -> MotionFigures:
-        """Returns the figures of all that was added."""
-        return motion_figures(np.reshape(self._tips, (-1, 3)), self.step, self.hole_depth)
-
-
-def motion_figures(tips: Array, step: float, hole_depth: float) -> MotionFigures:
+def motion_figures(positions: ArrayLike, step: float, hole_depth: float) -> MotionFigures:
     """Returns the figures of positions of the tip in H (n, 3), m, that follow each other after ``step``, s."""
+    tips = np.reshape(np.asarray(positions, dtype=float), (-1, 3))
     bottom = np.array([0.0, 0.0, -hole_depth])
     return MotionFigures(
         path_length=float(np.linalg.norm(np.diff(tips, axis=0), axis=1).sum()),

@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from experiments.trial.ended_trial import EndedTrial, Looks
 from experiments.trial.force_metrics import ForceMetrics
-from experiments.trial.motion_metrics import MotionMetrics
+from experiments.trial.motion_metrics import motion_figures
 from interfaces.robots.robot_arm import ArmState, RobotArm
 from interfaces.sensors.tool import Tool, identify_tool
 from interfaces.sensors.wrench_stream import WrenchStream
@@ -144,9 +144,10 @@ class ArmSession:
         """
         s = self.scenario
         law = ArmLaw(s, policy, stopping_of(s, self._kinematics, delay=self._arm.period))
-        forces, motion = ForceMetrics(s.geometry.reach, PERIOD), MotionMetrics(PERIOD, s.geometry.hole_depth)
+        forces = ForceMetrics(s.geometry.reach, PERIOD)
+        tips: list[Array] = []
         try:
-            ending = self._perform(law, forces, motion)
+            ending = self._perform(law, forces, tips)
         except ConnectionError as error:
             if law.time == 0.0:
                 raise  # there is nothing to record
@@ -165,12 +166,12 @@ class ArmSession:
             depth=self._depth,
             samples=samples,
             forces=forces.figures(law.law.peak_load(law.context)),
-            motion=motion.figures(),
+            motion=motion_figures(tips, PERIOD, s.geometry.hole_depth),
             penetration=0.0,
             looks=NO_LOOKS,
         )
 
-    def _perform(self, law: ArmLaw, forces: ForceMetrics, motion: MotionMetrics) -> Ending:
+    def _perform(self, law: ArmLaw, forces: ForceMetrics, tips: list[Array]) -> Ending:
         """Moves as the law says until the insertion ends, and returns how."""
         limits = TipLimits.of(self.scenario.arm, PERIOD)
         tip, ending = tip_at(self.scenario.start.height), None
@@ -184,7 +185,7 @@ class ArmSession:
             law.advance(seconds, wrench, depth, np.array([-depth, *rig_angles(X_WP.rotation().matrix())]))
             for _ in range(round(seconds / PERIOD)):
                 forces.add_step(wrench)
-                motion.add_step(X_WP.translation())
+                tips.append(X_WP.translation())
             angles, feed = law.commands()
             push = X_WP.rotation() @ law.wrench()[:3]
             tip = tip_step(limits._replace(period=seconds), tip, feed, push[:2])

@@ -4,16 +4,13 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from experiments.trial.motion_metrics import MIN_SPEED, WINDOW, MotionMetrics, mean_jerk
+from experiments.trial.motion_metrics import MIN_SPEED, WINDOW, mean_jerk, motion_figures
 
 STEP = 2e-3
 
 
 def figures_of(tips, hole_depth=0.025):
-    metrics = MotionMetrics(STEP, hole_depth)
-    for tip in tips:
-        metrics.add_step(np.array(tip, dtype=float))
-    return metrics.figures()
+    return motion_figures(tips, STEP, hole_depth)
 
 
 def test_the_path_is_the_length_of_the_way_to_and_fro():
