@@ -9,9 +9,10 @@ best between 1e9 and 1e10 Pa, where contacts begin to be too soft.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
-from models.meshes import MAX_PLAY_ERROR, facet_sagitta, minimum_aligned_facets, minimum_facets, play_error
+from models.meshes import MAX_PLAY_ERROR, facet_sagitta, minimum_facets
 from models.validation import Violation
 
 OVERLAP_FACTOR = 0.121
@@ -62,13 +63,15 @@ def facet_violations(*, facets: int, radius: float, clearance: float, spins: boo
         radius: Radius of the bore, m.
         clearance: R - r, m.
         spins: Whether the peg may rotate about its axis (see `minimum_facets`). If not, the corners stay aligned, and
-            fewer facets are enough if their `play_error` is small.
+            fewer facets are enough if the play, which is wrong by the part 1 - cos(pi/n) of the clearance, is
+            wrong by less than `MAX_PLAY_ERROR`.
     """
     spinning = minimum_facets(radius, clearance)
-    minimum = spinning if spins else min(spinning, minimum_aligned_facets())
+    minimum = spinning if spins else min(spinning, math.ceil(math.pi / math.acos(1.0 - MAX_PLAY_ERROR)))
     if facets >= minimum:
         return
-    found, bound = f"play wrong by {100 * play_error(facets):.2g} %", f"the play is wrong by < {MAX_PLAY_ERROR:.0%}"
+    found = f"play wrong by {100 * facet_sagitta(1.0, facets):.2g} %"
+    bound = f"the play is wrong by < {MAX_PLAY_ERROR:.0%}"
     if minimum == spinning:
         found = f"sagitta {1e6 * facet_sagitta(radius, facets):.1f} um"
         bound = f"the sagitta is below a quarter of the clearance ({1e6 * clearance / 4:.1f} um)"

@@ -83,19 +83,6 @@ def minimum_facets(radius: float, clearance: float) -> int:
     return math.ceil(math.pi / math.acos(1.0 - clearance / (4.0 * radius)))
 
 
-def play_error(facets: int) -> float:
-    """Returns the error of the play of a peg whose corners are aligned with those of the bore: 1 - cos(pi/n).
-
-    It is a part of the clearance.
-    """
-    return 1.0 - math.cos(math.pi / facets)
-
-
-def minimum_aligned_facets() -> int:
-    """Returns the minimum number of facets whose `play_error` is at most `MAX_PLAY_ERROR`."""
-    return math.ceil(math.pi / math.acos(1.0 - MAX_PLAY_ERROR))
-
-
 def minimum_clearance(radius: float) -> float:
     """Returns the smallest clearance (m) for which `MAX_FACETS` are enough; see `minimum_facets`."""
     return 4.0 * facet_sagitta(radius, MAX_FACETS)

@@ -13,9 +13,7 @@ from models.meshes import (
     make_hole,
     make_peg,
     make_prism,
-    minimum_aligned_facets,
     minimum_facets,
-    play_error,
 )
 from models.section import NAMES, section_of
 
@@ -190,24 +188,12 @@ def test_minimum_facets_gives_a_sagitta_of_at_most_a_quarter_of_the_clearance(ra
         assert facet_sagitta(radius, n - 1) > clearance / 4 * (1 - 1e-6)
 
 
-def test_the_clearance_of_the_paper_needs_63_facets():
-    # cos(pi/n) = 1 - 50 um / (4 x 10.05 mm) = 1 - 0.00124378, so pi/n = 0.049881 and n = 62.98
-    assert minimum_facets(0.01005, 5e-5) == 63
-
-
 def test_the_cutaway_is_half_of_the_ring_opposite_the_camera():
     columns = cutaway_columns(SIZES["section"].polyline(64))
     assert (columns[0], columns[-1]) == (24, 56)
     mesh = make_hole(**SIZES, cutaway=True)
     towards_camera = np.array([math.cos(math.radians(45.0)), math.sin(math.radians(45.0)), 0.0])
     assert (mesh.vertices @ towards_camera).max() < 1e-9
-
-
-def test_23_facets_keep_the_error_of_the_play_below_one_percent():
-    # cos(pi/n) = 0.99, so pi/n = 0.14154 and n = 22.2
-    assert minimum_aligned_facets() == 23
-    assert play_error(23) <= 0.01 < play_error(22)
-    assert play_error(24) == pytest.approx(0.00856, rel=1e-3)
 
 
 def test_the_broken_edge_is_steeper_than_any_peg_that_enters():
