@@ -44,6 +44,7 @@ def test_plain_arrays_are_read(array, compression):
 
 
 HEADERS = {
+    "version": (b"NUMPY\x01", b"NUMPY\x03", "npy version"),
     "huge": (b"(2, 3), }  ", b"(9**99,), }", "malformed node"),
     "large": (b"(2, 3), }        ", b"(2, 300000000), }", r"shape \(2, 300000000\) of float64 in 48 bytes"),
     "truth value": (b"(2, 3), }   ", b"(6, True), }", r"shape \(6, True\), expected whole numbers"),
@@ -67,12 +68,6 @@ def test_a_damaged_header_of_an_array_is_refused(damage):
 @pytest.mark.parametrize("content", [b"", b"peg in hole", npy(NUMBERS)[:50], npy(NUMBERS)[:-1], npy(NUMBERS) + b"1"])
 def test_a_member_that_is_no_array_is_refused(content):
     with pytest.raises(ValueError, match=r"member 'a\.npy': "):
-        read_archive(zipped(content))
-
-
-def test_an_npy_file_of_a_later_version_is_refused():
-    content = with_text(npy(NUMBERS)[:20], b"NUMPY\x01", b"NUMPY\x03") + npy(NUMBERS)[20:]
-    with pytest.raises(ValueError, match="npy version"):
         read_archive(zipped(content))
 
 
