@@ -10,7 +10,6 @@ from pathlib import Path
 from urllib.parse import quote
 
 import pyarrow as pa
-import pyarrow.dataset as pads
 
 from experiments.trial.trial_result import COUNTS, NUMBERS
 
@@ -22,9 +21,6 @@ PUBLISHED = "trials.parquet"
 
 PARTITIONS = ("policy", "trial_set", "engine")
 """Columns that the names of the folders hold, from the outermost on."""
-
-PARTITIONING = pads.partitioning(pa.schema([(name, pa.string()) for name in PARTITIONS]), flavor="hive")
-"""How a data set is read so that the names of the folders stay texts: 01 is not 1."""
 
 MEASURED_NUMBERS = ("tilt_x_deg", "tilt_y_deg", *NUMBERS)
 

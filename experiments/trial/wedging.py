@@ -13,36 +13,24 @@ stopped by the direction of the load alone (`experiments.trial.jamming`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compiled import compiled
 from skill.arrays import Array
-from systems.plant.contact_forces import FORCE, NORMAL, POINT, Contact, contact_table
+from systems.plant.contact_forces import FORCE, NORMAL, POINT
 
 WEDGE_FORCE = 3.0  # in units of N; both contacts of a wedge carry at least this normal force, as in a jam
 WEDGE_TIME = 0.1  # in units of s; a shorter squeeze, such as in an impact, is no wedge
 
 
-def is_wedged(contacts: Sequence[Contact], friction: float) -> bool:
-    """Returns whether two of the contacts wedge the peg.
+@compiled
+def wedged_samples(seen: NDArray[np.int64], contacts: Array, friction: float) -> NDArray[np.bool_]:
+    """Returns whether two contacts wedge the peg at n samples.
 
     Each carries a normal force of at least `WEDGE_FORCE`, and the line from one to the other is within atan(friction)
     of both normals. The normal is that of the sum of a contact's forces, the point their centre.
-
-    Args:
-        contacts: the single contacts between peg and block at one time.
-        friction: coefficient mu of both bodies.
-    """
-    count, table = contact_table(contacts)
-    return bool(wedged_samples(np.array([count]), table[None], friction)[0])
-
-
-@compiled
-def wedged_samples(seen: NDArray[np.int64], contacts: Array, friction: float) -> NDArray[np.bool_]:
-    """Returns whether two contacts wedge the peg at n samples; see `is_wedged`.
 
     Args:
         seen: (n,), numbers of contacts.

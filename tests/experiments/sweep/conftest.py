@@ -1,14 +1,18 @@
 """Sweeps of quick trials."""
 
+import pyarrow as pa
 import pyarrow.dataset as ds
 import pytest
 import yaml
 
-from experiments.sweep.trial_files import PARTITIONING
+from experiments.sweep.trial_files import PARTITIONS
 from models.scenario import dump_scenario
 from scripts import sweep
 from tests.quick_scenario import make_quick_scenario
 from tests.scripts.commands import ROOT
+
+PARTITIONING = ds.partitioning(pa.schema([(name, pa.string()) for name in PARTITIONS]), flavor="hive")
+"""How a data set is read so that the names of the folders stay texts: 01 is not 1."""
 
 
 @pytest.fixture

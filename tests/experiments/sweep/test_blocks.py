@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from experiments.scoreboard.result_store import read_trials
 from experiments.sweep.blocks import BLOCK, Block, blocks_of, row_key
-from experiments.sweep.trial_files import PARTITIONING, SCHEMA
+from experiments.sweep.trial_files import SCHEMA
+from tests.experiments.sweep.conftest import PARTITIONING
 from tests.experiments.sweep.made_up_rows import made_up_row
 
 NAMES = {"policy": "CA states, contexts + LWR", "trial_set": "usual", "engine": "drake"}

@@ -8,11 +8,11 @@ from pydrake.math import RigidTransform
 
 from benchmarks.physics.contact_measurements import PegTheory, converged
 from benchmarks.physics.contact_probe import ContactProbe
-from experiments.trial.wedging import WEDGE_FORCE, WEDGE_TIME, is_wedged, wedged_time
+from experiments.trial.wedging import WEDGE_FORCE, WEDGE_TIME, wedged_samples, wedged_time
 from models.contact_theory import exact_wedging_tilt, two_point_depth
 from models.scenario import load_scenario
 from skill.data.rig_run import ContactPlace
-from systems.plant.contact_forces import Contact, hydroelastic_forces, single_contacts
+from systems.plant.contact_forces import Contact, contact_table, hydroelastic_forces, single_contacts
 
 SIZES = {"peg_radius": 0.010, "hole_radius": 0.01005}
 PERIOD = 0.02
@@ -25,6 +25,11 @@ def two_point_contacts(tilt, force=10.0, other=10.0):
     tip = Contact(ContactPlace.TIP, np.array([R, 0.0, -depth]), np.array([-1.0, 0.0, 0.0]), force)
     normal = np.array([math.cos(tilt), 0.0, math.sin(tilt)])  # of the peg's side, which leans to the other wall
     return [tip, Contact(ContactPlace.MOUTH, np.array([-R, 0.0, 0.0]), normal, other)]
+
+
+def is_wedged(contacts, friction):
+    count, table = contact_table(contacts)
+    return bool(wedged_samples(np.array([count]), table[None], friction)[0])
 
 
 @pytest.mark.parametrize("friction", [0.15, 0.2, 0.3, 0.5])
