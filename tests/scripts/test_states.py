@@ -1,6 +1,5 @@
 """The command states, from recordings in CSV files to the page and the tables."""
 
-import json
 import re
 
 import numpy as np
@@ -10,16 +9,13 @@ import pytest
 from scripts import states as states_command
 from tests.scripts.commands import error_line, files, invoke
 from tests.state_recordings import CHANNELS, NAMES, three_contacts, write_files
+from tests.states_pages import bands_of, series_of
 
 
 def states(*arguments):
     done = invoke("states", *arguments)
     assert done.exit_code == 0, done.output
     return done
-
-
-def data_of(page):
-    return json.loads(re.search(r"^const data = (.*);$", page.read_text(), re.MULTILINE)[1])
 
 
 @pytest.fixture(scope="module")
@@ -59,19 +55,17 @@ def test_the_tables_have_the_state_of_each_sample(result):
 
 def test_the_page_has_every_recording_with_its_states_and_phases(result):
     folder, _ = result
-    data = data_of(folder / "states.html")
-    named = [state["name"] for state in data["states"]]
+    page = (folder / "states.html").read_text()
+    named = re.findall(r"</i> (.*?)</span>", page.split('id="legend"')[1].split("</p>")[0])
     assert named[0] == NAMES[0]
     assert re.fullmatch(r"(8|7\.9|8\.1) N along -z", named[1])
     assert re.fullmatch(r"(19|20) N along -z -x, 0\.\d+ N m about \+y", named[2])
-    assert data["phases"] == ["reach <i>", "touch", "press"]
-    for k, trial in enumerate(data["trials"]):
+    for k, (time, series) in enumerate(series_of(page)):
         recorded = three_contacts(k)
-        assert len(trial["time"]) == len(recorded)
-        force = np.array(trial["values"][2]) * data["groups"][0]["step"]
-        np.testing.assert_allclose(force, recorded["fz"], atol=0.005)
-        assert [state for _, state in trial["states"]] == [0, 1, 2]
-    page = (folder / "states.html").read_text()
+        assert len(time) == len(recorded)
+        np.testing.assert_allclose(series["fz"], recorded["fz"], atol=0.005)
+        assert [text for _, text in bands_of(page, "state")[k]] == ["0", "1", "2"]
+        assert [text for _, text in bands_of(page, "phase")[k]] == ["reach &lt;i&gt;", "touch", "press"]
     assert "<b> folder" not in page
     assert "Competitive Agglomeration found " in page
 
@@ -96,15 +90,15 @@ def test_trials_units_and_rates_of_one_file(tmp_path):
     options = ("--columns", "fz=load:kN", "--columns", "time=clock:ms", "--trial-column", "part")
     done = states(path, *options, "--phase-column", "stage", "--rate", 25, "--out", tmp_path / "states.html")
     assert "3 contact states in 3 recordings" in done.stdout
-    data = data_of(tmp_path / "states.html")
-    assert [group["channels"] for group in data["groups"]] == [["fz"]]
-    assert data["groups"][0]["low"] == pytest.approx(-16.5, abs=0.6)
-    assert np.median(np.diff(data["trials"][0]["time"])) == pytest.approx(0.04)
-    assert re.match(r"fz -?0\.\d+ N", data["states"][0]["name"])
+    page = (tmp_path / "states.html").read_text()
+    found = series_of(page)
+    assert {tuple(series) for _, series in found} == {("fz",)}
+    assert min(series["fz"].min() for _, series in found) == pytest.approx(-16.5, abs=0.6)
+    assert np.median(np.diff(found[0][0])) == pytest.approx(0.04)
+    assert re.search(r'title="state 0: fz -?0\.\d+ N"', page)
     labels = pd.read_csv(tmp_path / "runs.states.csv")
     assert labels["trial"].unique().tolist() == ["p0", "p1", "p2"]
-    assert len(labels) == sum(len(trial["time"]) for trial in data["trials"])
-    page = (tmp_path / "states.html").read_text()
+    assert len(labels) == sum(len(time) for time, _ in found)
     assert "<dt>--columns</dt><dd>fz=load:kN, time=clock:ms</dd>" in page
     assert "<dt>rate</dt><dd>at most 25 Hz</dd>" in page
 
@@ -176,8 +170,8 @@ def test_files_agree_about_orientations_beside_the_boundary_of_one_file(tmp_path
         turn = np.radians(degrees) + 0.002 * np.random.default_rng(0).normal(size=len(pd.read_csv(path)))
         pd.read_csv(path).assign(rx=0.0, ry=0.0, rz=-turn).to_csv(path, index=False)
     states(*paths, "--out", tmp_path / "states.html")
-    turns = [trial["values"][-1] for trial in data_of(tmp_path / "states.html")["trials"]]
-    assert len({np.sign(np.median(values)) for values in turns}) == 1
+    found = series_of((tmp_path / "states.html").read_text())
+    assert len({np.sign(np.median(series["rz"])) for _, series in found}) == 1
 
 
 def test_a_single_recording_is_one_error(tmp_path):
