@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 FORCE_LEVELS = (0.5, 2.0, 8.0, 30.0)  # in units of N
 LEVEL_COLOURS = ("#B0B7BF", "#9ECAE1", "#4292C6", "#08519C", "#081D58")  # one hue, from light to dark
 
+GUARD = ("inactive", "turns reversed", "backing off")
+"""What the controller of the rig does against a load."""
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -50,8 +53,7 @@ class Motion:
         phases: names of the phases.
         colours: colours of the phases, hexadecimal.
         colouring: meaning of the colours, "contact state" or "contact force".
-        back_off: (n,), whether the controller was backing the peg off; None for a demonstration.
-        reversed: (n,), whether the policy's turns were reversed; None for a demonstration.
+        guard: (n,), index into `GUARD`, what the controller did against a load; None for a demonstration.
         force_limit: load that the force guard is to keep, N; None for a demonstration.
         steps: (n, 2 or 3), microsteps taken so far by the motors for pitch, yaw and clocking; None for a demonstration.
         geometry: sizes of peg and hole.
@@ -73,8 +75,7 @@ class Motion:
     phases: list[str]
     colours: list[str]
     colouring: str
-    back_off: NDArray[np.bool_] | None
-    reversed: NDArray[np.bool_] | None
+    guard: NDArray[np.int64] | None
     force_limit: float | None
     steps: NDArray[np.int64] | None
     geometry: PegHoleGeometry
@@ -167,8 +168,7 @@ def motion_of_demonstration(
         phases=phases,
         colours=colours,
         colouring=colouring,
-        back_off=None,
-        reversed=None,
+        guard=None,
         force_limit=None,
         steps=None,
         geometry=geometry,
@@ -227,8 +227,7 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
         phases=phases,
         colours=colours,
         colouring="contact state",
-        back_off=samples["back_off"].to_numpy() > 0.5,
-        reversed=samples["turning"].to_numpy() < 0.0,
+        guard=np.where(samples["back_off"] > 0.5, 2, np.where(samples["turning"] < 0.0, 1, 0)),
         force_limit=run.metadata.get("force_limit"),
         steps=np.rint(_columns(samples, *(f"{axis}_taken" for axis in axes))).astype(np.int64),
         geometry=geometry,

@@ -36,7 +36,7 @@ def test_page_is_written_to_the_given_file(run_file, tmp_path):
     assert result.exit_code == 0, result.output
     text = page.read_text()
     assert "<title>run</title>" in text[:500]
-    assert '"about":"rig run: inserted"' in text
+    assert '<p class="about">rig run: inserted</p>' in text
     assert not run_file.with_suffix(".html").exists()
 
 
@@ -44,7 +44,7 @@ def test_page_is_written_beside_the_recording_with_the_given_speed(demonstration
     assert replay(demonstration_file, "--speed", 8).exit_code == 0
     text = demonstration_file.with_suffix(".html").read_text()
     assert '"speed":8.0' in text
-    assert '"about":"demonstration: inserted, good"' in text
+    assert '<p class="about">demonstration: inserted, good</p>' in text
 
 
 def test_recording_is_not_overwritten(run_file):

@@ -122,7 +122,9 @@ def test_time_starts_at_zero_and_depth_counts_downwards():
 def test_guard_and_steps_are_those_of_the_run():
     run = make_rig_run()
     motion = motion_of_run(run)
-    np.testing.assert_array_equal(motion.back_off, (run.samples["time"] > 0.82) & (run.samples["time"] < 0.92))
+    backing_off = (run.samples["time"] > 0.82) & (run.samples["time"] < 0.92)
+    np.testing.assert_array_equal(motion.guard, np.where(backing_off, 2, run.samples["turning"] < 0.0))
+    assert set(motion.guard) == {0, 1, 2}
     np.testing.assert_array_equal(motion.steps, run.samples[["pitch_taken", "yaw_taken"]])
     assert motion.steps[-1].min() > 0
     assert motion.force_limit == 50.0

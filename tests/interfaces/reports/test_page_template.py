@@ -9,15 +9,15 @@ from interfaces.reports.page_template import fill_page, script_value
 
 def test_missing_value_is_an_error():
     with pytest.raises(KeyError, match="title"):
-        fill_page("replay", viewer="", data="0", scene_commands="[]")
+        fill_page("states", hidden="")
 
 
 def test_page_contains_its_style_and_its_script():
-    page = fill_page("replay", title="t", viewer="/* viewer */", data="0", scene_commands="[]")
+    names = ("title", "about", "table", "made_by", "scenario")
+    page = fill_page("trials", assets="scoreboard", **dict.fromkeys(names, "$x"))
     folder = Path(interfaces.__path__[0]) / "reports"
-    assert (folder / "replay.css").read_text() in page
-    assert (folder / "replay.js").read_text() in page
-    assert page.index("/* viewer */") < page.index("const data = 0;") < page.index("new MeshCat.Viewer")
+    for asset in ("page.css", "scoreboard.css", "scoreboard.js"):
+        assert (folder / asset).read_text() in page
 
 
 @pytest.mark.parametrize("text", ["</script>", "<!--<script>", "\u2028 & \" ' \\ $x", "<\\u003c"])
