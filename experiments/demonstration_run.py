@@ -17,9 +17,9 @@ from models.exact_geometry import rotations_of_vectors
 from models.scenario import Scenario, dump_scenario
 from skill.data.demonstration import Demonstration
 from skill.data.outcome import Ending, Outcome
+from systems.law.faults import error_summary
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.recording.demonstration_recorder import DemonstrationRecorder
-from systems.steps.faults import error_summary
 from systems.virtual_environment import MakeVirtualEnvironment, PegEnvironment
 
 

@@ -37,7 +37,7 @@ class ArmParameters:
     max_speed: float = 0.25  # in units of m/s, of the tip
     max_acceleration: float = 5.0  # in units of m/s^2, of the tip, with which a command stops
     delay: float = limited(2.0e-3, low=0.0, high=0.1)  # in units of s, from a command to the motors
-    # How the tip yields to a lateral force at the mouth; see `systems.steps.tip`.
+    # How the tip yields to a lateral force at the mouth; see `systems.arm.tip`.
     yield_softness: float = limited(1.0e-3, low=0.0)  # in units of m/s/N
     yield_threshold: float = limited(0.5, low=0.0)  # in units of N
     yield_speed: float = limited(0.01, low=0.0)  # in units of m/s

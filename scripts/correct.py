@@ -350,7 +350,7 @@ def correct_live(
     from scripts.record import announced_page, live_margins, live_scenario_name
     from skill.data.demonstration import read_demonstration
     from skill.data.geometry import common_geometry
-    from systems.law import check_geometry
+    from systems.law.wiring import check_geometry
 
     chosen, learnt, train = begin(skill, demonstrations, corrections, out, plan, scenario, engine)
     shown_in = load_scenario(live_scenario_name(driver, chosen.contact.engine), defaults=chosen)

@@ -182,7 +182,7 @@ def exact_result(values: dict[str, Any]) -> TrialResult:
     """Returns the result whose fields are stored as JSON values, in full precision."""
     from experiments.trial.trial_result import TrialResult
     from skill.data.outcome import Outcome
-    from systems.steps.faults import Fault
+    from systems.law.faults import Fault
 
     pitch, yaw = values["tilt"]
     return TrialResult(

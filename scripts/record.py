@@ -201,7 +201,7 @@ def record_live(
     from skill.manipulation_skill import ManipulationSkill
     from skill.practice.policy_observer import PolicyObserver
     from skill.practice.query_state import read_query_states
-    from systems.law import check_geometry
+    from systems.law.wiring import check_geometry
 
     chosen = read_scenario(scenario, engine, defaults=load_scenario("device"))
     margins = live_margins(chosen, driver)

@@ -12,19 +12,27 @@ from models.arm import RIG
 from models.scenario import Scenario
 from skill.policy import RigPolicy
 from systems.arm.arm_diagram import MakeArm
-from systems.control.drive_monitor import DriveMonitor
-from systems.hardware.dc_motor import DcMotor
-from systems.hardware.depth_encoder import DepthEncoder
-from systems.hardware.stepper_motor import StepperMotor
-from systems.hardware.wrench_sensor import WrenchSensor
-from systems.law import AddLaw, AddSensor, Law, check_geometry, check_start, connect_measurement, connect_monitors
+from systems.law.dc_motor import DcMotor
+from systems.law.depth_encoder import DepthEncoder
+from systems.law.drive_monitor import DriveMonitor
+from systems.law.force_guard import StoppingModel
+from systems.law.limits import drive_limits
+from systems.law.stepper_motor import StepperMotor
+from systems.law.wiring import (
+    AddLaw,
+    AddSensor,
+    Law,
+    check_geometry,
+    check_start,
+    connect_measurement,
+    connect_monitors,
+)
+from systems.law.wrench_sensor import WrenchSensor
 from systems.plant.contact_plant import AddRigPlant, NominalBodies
 from systems.plant.exact_plant import ExactPlant
 from systems.plant.rig_plant import RigPlant, stepper_axes
 from systems.recording.run_recorder import AddRunRecorder, RunRecorder
 from systems.rig_diagram import RigDiagram, start_angles
-from systems.steps.force_guard import StoppingModel
-from systems.steps.limits import drive_limits
 
 
 def MakeRig(scenario: Scenario, skill: RigPolicy) -> RigDiagram:
@@ -32,7 +40,7 @@ def MakeRig(scenario: Scenario, skill: RigPolicy) -> RigDiagram:
 
     Args:
         scenario: resolved; the tilt of its start is that of the peg relative to the hole.
-        skill: the policy, such as a skill or a control law (see `systems.control.control_law`).
+        skill: the policy, such as a skill or a control law (see `systems.law.control_law`).
 
     Raises:
         ValueError: if the scenario is not resolved, or the policy was trained for another peg or hole.

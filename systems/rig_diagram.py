@@ -10,9 +10,9 @@ from pydrake.systems.framework import Context, Diagram
 
 from models.scenario import Scenario
 from skill.arrays import Array
-from systems.hardware.stepper_motor import StepperMotor
-from systems.hardware.wrench_sensor import WrenchSensor
-from systems.law import Law
+from systems.law.stepper_motor import StepperMotor
+from systems.law.wiring import Law
+from systems.law.wrench_sensor import WrenchSensor
 from systems.plant.rig_plant import PegCarrier, stepper_axes
 from systems.recording.run_recorder import RunRecorder
 

@@ -22,18 +22,11 @@ from skill.data.outcome import Outcome
 from skill.data.rig_run import LOGGED_COLUMNS
 from skill.features.measurement import load_of_components
 from skill.skill_step import SkillNumbers, skill_step
-from systems.hardware.wrench_sensor import SENSOR_NOISE, drawn_bias
-from systems.math.noise import standard_normals
-from systems.plant.contact_forces import FORCE, JOINED_SIZE, MAX_JOINED, join_contacts, needs_contacts
-from systems.plant.contact_plant import DIVERGENCE_FORCE, NominalBodies
-from systems.plant.exact_contact import STEPS
-from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, tip_in_hole
-from systems.rig_diagram import start_angles
-from systems.steps import dc_motor, drive_monitor, sensor_monitor, stepper_motor, watchdog
-from systems.steps.back_off import BackOffState
-from systems.steps.dc_motor import Drive, carriage_force, counted_travel, dc_motor_step
-from systems.steps.drive_monitor import DriveLimits, drive_monitor_step, is_enabled
-from systems.steps.force_guard import (
+from systems.law import dc_motor, drive_monitor, sensor_monitor, stepper_motor, watchdog
+from systems.law.back_off import BackOffState
+from systems.law.dc_motor import Drive, carriage_force, counted_travel, dc_motor_step
+from systems.law.drive_monitor import DriveLimits, drive_monitor_step, is_enabled
+from systems.law.force_guard import (
     CLOCKING,
     FEED_SPEED,
     PEAK,
@@ -43,13 +36,19 @@ from systems.steps.force_guard import (
     StoppingModel,
     force_guard_step,
 )
-from systems.steps.force_guard import SIZE as GUARD_SIZE
-from systems.steps.limits import drive_limits, retract_limits, sensor_limits
-from systems.steps.policy_controller import ControllerLimits, ControllerState, policy_controller_step
-from systems.steps.sensor_monitor import SensorLimits, sensor_monitor_step, sound_depth, sound_wrench
-from systems.steps.stepper_motor import Axis, equilibrium_angle, shaft_angles, stepper_step
-from systems.steps.watchdog import RetractLimits, is_blind, is_stopped, passed_command, watchdog_step
-from systems.steps.wrench_sensor import Sensor, wrench_at_tip, wrench_sensor_step
+from systems.law.force_guard import SIZE as GUARD_SIZE
+from systems.law.limits import drive_limits, retract_limits, sensor_limits
+from systems.law.policy_controller import ControllerLimits, ControllerState, policy_controller_step
+from systems.law.sensor_monitor import SensorLimits, sensor_monitor_step, sound_depth, sound_wrench
+from systems.law.stepper_motor import Axis, equilibrium_angle, shaft_angles, stepper_step
+from systems.law.watchdog import RetractLimits, is_blind, is_stopped, passed_command, watchdog_step
+from systems.law.wrench_sensor import SENSOR_NOISE, Sensor, drawn_bias, wrench_at_tip, wrench_sensor_step
+from systems.math.noise import standard_normals
+from systems.plant.contact_forces import FORCE, JOINED_SIZE, MAX_JOINED, join_contacts, needs_contacts
+from systems.plant.contact_plant import DIVERGENCE_FORCE, NominalBodies
+from systems.plant.exact_contact import STEPS
+from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, tip_in_hole
+from systems.rig_diagram import start_angles
 
 TIME_OVER, INSERTED, FAULT, JAMMED, DIVERGED, FAILED = range(6)
 OUTCOMES = (Outcome.TIME_OVER, Outcome.INSERTED, Outcome.FAULT, Outcome.JAMMED, Outcome.DIVERGED, Outcome.FAILED)

@@ -122,7 +122,7 @@ def test_no_benchmark_hides_a_module_of_python():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("room", ["skill", "systems.steps"])
+@pytest.mark.parametrize("room", ["skill"])
 def test_the_skill_and_the_law_can_be_imported_without_drake(room):
     code = f"""
 import importlib, pkgutil, sys

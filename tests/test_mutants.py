@@ -48,7 +48,7 @@ def test_the_sample_is_seeded_and_every_mutant_is_another_program():
 
 
 def test_rooms_are_folders_or_files_and_a_sample_has_no_more_than_they_have():
-    file, folder = "systems/control/force_guard.py", "systems/arm"
+    file, folder = "systems/law/force_guard.py", "systems/arm"
     of_file, of_both = (draw(10_000, 0, rooms) for rooms in ([file], [folder, file]))
     assert {mutant.file for mutant in of_file} == {file}
     assert set(of_file) < set(of_both)
@@ -58,8 +58,8 @@ def test_rooms_are_folders_or_files_and_a_sample_has_no_more_than_they_have():
 @pytest.mark.nightly
 @pytest.mark.slow
 def test_a_module_has_mirrored_tests_and_those_that_import_it():
-    mirrored, others = nearest_tests("systems/steps/back_off.py")
-    assert [path.as_posix() for path in mirrored] == ["tests/systems/steps/test_back_off.py"]
+    mirrored, others = nearest_tests("systems/law/back_off.py")
+    assert [path.as_posix() for path in mirrored] == ["tests/systems/law/test_back_off.py"]
     names = [path.as_posix() for path in others]
-    assert "tests/systems/control/test_policy_controller.py" in names  # imports a module that imports it
+    assert "tests/systems/law/test_policy_controller.py" in names  # imports a module that imports it
     assert "tests/models/test_meshes.py" not in names

@@ -19,7 +19,7 @@ from skill.arrays import Array
 from skill.features.measurement import contact_load
 from skill.policy import Action
 from skill.states.estimate import Estimate
-from systems.control.control_law import ControlLaw
+from systems.law.control_law import ControlLaw
 
 Range = tuple[float, float, bool]
 """Minimum, maximum, and whether the parameter is spaced geometrically."""

@@ -20,7 +20,7 @@ import numpy as np
 from experiments.trial.run_trial import run_trials
 from models.scenario import load_scenario
 from skill.policy import Action
-from systems.control.control_law import ControlLaw
+from systems.law.control_law import ControlLaw
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import CarriedOver, RigPolicy
 from skill.states.estimate import estimates
-from systems.steps.faults import error_summary
+from systems.law.faults import error_summary
 
 IMPORT_PATH = re.compile(r"[A-Za-z_][\w.]*:\w+")
 """What names something in a module."""

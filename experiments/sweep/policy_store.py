@@ -32,7 +32,7 @@ from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.files import parse_object, write_atomically
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import CarriedOver, RigPolicy
-from systems.steps.faults import error_summary
+from systems.law.faults import error_summary
 
 Advance = Callable[[str], None]
 R = TypeVar("R")

@@ -15,7 +15,7 @@ from experiments.sweep.code_digest import Requirements, code_digest
 from experiments.sweep.policy_store import PolicyStore, requirements_of
 from experiments.sweep.trial_rows import perform
 from experiments.worker_pool import LostWorkerError, WorkerPool
-from systems.steps.faults import error_summary
+from systems.law.faults import error_summary
 
 WRITE_PERIOD = 1.0
 """Shortest time between two writings of rows, s."""

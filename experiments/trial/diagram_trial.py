@@ -17,11 +17,11 @@ from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import Ending, Outcome
 from skill.policy import RigPolicy
+from systems.law.faults import Fault, error_summary
 from systems.plant.contact_forces import JOINED_SIZE, MAX_JOINED, contact_table
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.rig import MakeRig
 from systems.rig_diagram import RigDiagram
-from systems.steps.faults import Fault, error_summary
 
 
 class TrialRecord:

@@ -22,7 +22,7 @@ from skill.data.axes import AXES
 from skill.data.outcome import UNPHYSICAL, Outcome
 from skill.data.rig_run import CONTACT_COLUMNS, RigRun
 from skill.policy import RigPolicy
-from systems.steps.faults import Fault
+from systems.law.faults import Fault
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,12 @@ from skill.data.outcome import Outcome
 from skill.data.rig_run import LOGGED_COLUMNS
 from skill.policy import RigPolicy
 from skill.skill_step import skill_numbers
-from systems.law import check_geometry
+from systems.law.back_off import attempts_text
+from systems.law.faults import Fault
+from systems.law.wiring import check_geometry
 from systems.plant.contact_plant import NominalBodies
 from systems.plant.exact_plant import Mechanics
 from systems.rollout import DIVERGED, FAILED, OUTCOMES, RigNumbers, roll_out
-from systems.steps.back_off import attempts_text
-from systems.steps.faults import Fault
 
 _last: list[tuple[tuple[Any, ...], tuple[Mechanics, NominalBodies]]] = []
 """The last mechanics and masses, which take long to compute, and what decides them."""

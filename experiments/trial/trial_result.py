@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from skill.data.outcome import Outcome, parse_outcome
-from systems.steps.faults import Fault
+from systems.law.faults import Fault
 
 TRUSTED_OVERLAP = 0.25
 """Largest overlap of the bodies in a trial whose physics is trusted, over the clearance."""

@@ -27,7 +27,7 @@ from skill.arrays import Array
 from skill.data.axes import AXES
 from skill.data.demonstration import ACTIONS, Demonstration
 from skill.data.rig_run import RigRun
-from systems.steps.faults import Fault
+from systems.law.faults import Fault
 
 WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
 

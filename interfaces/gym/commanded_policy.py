@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from skill.policy import Action, RigPolicy
 from skill.states.estimate import Estimate, Estimator
-from systems.control.control_law import ControlLaw
+from systems.law.control_law import ControlLaw
 
 
 class CommandedPolicy(ControlLaw):

@@ -24,12 +24,12 @@ from systems.arm.arm_bodies import PERIOD
 from systems.arm.arm_diagram import stopping_of
 from systems.arm.arm_law import ArmLaw
 from systems.arm.kinematics import FLANGE_TO_SENSOR, ArmKinematics
+from systems.arm.tip import HEIGHT, TipLimits, tip_step
 from systems.arm.tip_servo import height_along, tip_at, tip_pose
+from systems.law.faults import Fault
+from systems.law.wrench_sensor import wrench_at_tip
 from systems.plant.contact_forces import JOINED_SIZE, MAX_JOINED
 from systems.plant.held_peg import rig_angles
-from systems.steps.faults import Fault
-from systems.steps.tip import HEIGHT, TipLimits, tip_step
-from systems.steps.wrench_sensor import wrench_at_tip
 
 READY_HEIGHT = 0.03
 """Height of the tip over the mouth between insertions, m."""

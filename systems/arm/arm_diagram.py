@@ -16,12 +16,12 @@ from skill.policy import RigPolicy
 from systems.arm.arm_bodies import PERIOD, AddArm, ArmBodies
 from systems.arm.kinematics import ArmKinematics
 from systems.arm.tip_servo import TipMotion, TipServo, height_along, tip_at, tip_pose
-from systems.law import AddLaw, AddSensor, check_geometry, check_start, connect_monitors
+from systems.law.force_guard import StoppingModel
+from systems.law.wiring import AddLaw, AddSensor, check_geometry, check_start, connect_monitors
 from systems.plant.contact_forces import Contact
 from systems.plant.held_peg import Compliance, HeldPeg
 from systems.recording.run_recorder import AddRunRecorder
 from systems.rig_diagram import RigDiagram
-from systems.steps.force_guard import StoppingModel
 
 
 @dataclass(frozen=True)

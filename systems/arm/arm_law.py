@@ -13,9 +13,9 @@ from skill.arrays import Array
 from skill.data.axes import AXES
 from skill.policy import RigPolicy
 from systems.arm.arm_bodies import PERIOD
-from systems.law import AddLaw, check_geometry, check_start, connect_monitors
+from systems.law.force_guard import StoppingModel
+from systems.law.wiring import AddLaw, check_geometry, check_start, connect_monitors
 from systems.recording.run_recorder import AddRunRecorder
-from systems.steps.force_guard import StoppingModel
 
 
 class ArmLaw:

@@ -15,7 +15,7 @@ from skill.arrays import Array
 from skill.data.axes import AXES
 from systems.arm.arm_bodies import PERIOD
 from systems.arm.kinematics import ArmKinematics
-from systems.steps.tip import HEIGHT, SIZE, TipLimits, X, Y, tip_step
+from systems.arm.tip import HEIGHT, SIZE, TipLimits, X, Y, tip_step
 
 
 def tip_pose(angles: Array, tip: Array) -> RigidTransform:
@@ -25,7 +25,7 @@ def tip_pose(angles: Array, tip: Array) -> RigidTransform:
 
     Args:
         angles: (3,).
-        tip: (SIZE,) of `systems.steps.tip`, its height and where the mouth is.
+        tip: (SIZE,) of `systems.arm.tip`, its height and where the mouth is.
     """
     pitch, yaw, clocking = angles
     R_WH = RotationMatrix(RollPitchYaw(pitch, 0.0, 0.0)) @ RotationMatrix(RollPitchYaw(0.0, yaw, 0.0))

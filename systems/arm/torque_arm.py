@@ -13,9 +13,9 @@ from skill.arrays import Array
 from systems.arm.arm_bodies import PERIOD, AddArm, joint_damping
 from systems.arm.kinematics import ArmKinematics
 from systems.arm.tip_servo import TipMotion
-from systems.law import AddSensor
+from systems.law.wiring import AddSensor
+from systems.law.wrench_sensor import wrench_at_tip
 from systems.plant.held_peg import HeldPeg
-from systems.steps.wrench_sensor import wrench_at_tip
 
 PICTURE_PERIOD = 1 / 32  # in units of s
 FRICTION = 0.2

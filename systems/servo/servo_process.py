@@ -17,13 +17,13 @@ from pydrake.math import RigidTransform
 from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
 from skill.arrays import Array
+from systems.law.faults import error_summary
 from systems.operators.device_operator import DeviceOperator, LiveDevice, find_device
 from systems.operators.page_hand import PAGE, PageHand
 from systems.servo.local_contact import LocalContact
 from systems.servo.own_time import OwnTime
 from systems.servo.servo_diagram import MakeServo, Servo
 from systems.servo.shared_value import SharedValue
-from systems.steps.faults import error_summary
 from systems.virtual_environment import start_pose
 
 STALL = 0.05

@@ -21,7 +21,7 @@ from experiments.trial.trial_set import trial_scenario
 from models.scenario import parse_scenario
 from skill.features.measurement import contact_load
 from skill.policy import Action
-from systems.control.control_law import ControlLaw
+from systems.law.control_law import ControlLaw
 from systems.rig import MakeRig
 from systems.virtual_environment import start_pose
 from tests.query_states import QUERY_STATE

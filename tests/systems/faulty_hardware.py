@@ -6,13 +6,13 @@ from unittest.mock import patch
 
 import numpy as np
 
-from systems import law as law_module
 from systems import rig as rig_module
-from systems.hardware.dc_motor import DcMotor
-from systems.hardware.depth_encoder import DepthEncoder
-from systems.hardware.stepper_motor import StepperMotor
-from systems.hardware.wrench_sensor import WrenchSensor
-from systems.steps.faults import Fault
+from systems.law import wiring as law_module
+from systems.law.dc_motor import DcMotor
+from systems.law.depth_encoder import DepthEncoder
+from systems.law.faults import Fault
+from systems.law.stepper_motor import StepperMotor
+from systems.law.wrench_sensor import WrenchSensor
 
 
 @contextmanager
@@ -34,39 +34,42 @@ class Kind:
     named: frozenset = field(default_factory=frozenset)
 
 
-def changed_output(base, method, change):
-    """A sensor whose output is changed: ``change`` takes the reading, the time since the fault (s), and a memory."""
+def sensor(change):
+    """A sensor whose reading is changed: ``change`` takes it, the time since the fault (s), and a memory."""
 
     def make(onset):
         memory = {"rng": np.random.default_rng(42)}
 
-        def calc(self, context, output):
-            getattr(base, method)(self, context, output)
-            since = context.get_time() - onset
-            if since >= -1e-9:
-                output.SetFromVector(np.atleast_1d(change(output.value().copy(), since, memory)))
+        class FaultySensor(WrenchSensor):
+            def _calc_wrench(self, context, output):
+                super()._calc_wrench(context, output)
+                changed(output, context, onset, change, memory)
 
-        return [type(f"Faulty{base.__name__}", (base,), {method: calc})]
+        return [FaultySensor]
 
     return make
 
 
-def sensor(change):
-    return changed_output(WrenchSensor, "_calc_wrench", change)
-
-
 def encoder(change):
-    return changed_output(DepthEncoder, "_calc", change)
+    """Likewise a depth encoder."""
+
+    def make(onset):
+        memory = {}
+
+        class FaultyEncoder(DepthEncoder):
+            def _calc(self, context, output):
+                super()._calc(context, output)
+                changed(output, context, onset, change, memory)
+
+        return [FaultyEncoder]
+
+    return make
 
 
-class ChangedCommand:
-    """An input port of a drive that receives another command than the one that was sent."""
-
-    def __init__(self, port, command, onset):
-        self._port, self._command, self._onset = port, command, onset
-
-    def Eval(self, context):
-        return np.array([self._command]) if context.get_time() >= self._onset - 1e-9 else self._port.Eval(context)
+def changed(output, context, onset, change, memory):
+    since = context.get_time() - onset
+    if since >= -1e-9:
+        output.SetFromVector(np.atleast_1d(change(output.value().copy(), since, memory)))
 
 
 def runaway(speed):
@@ -74,9 +77,12 @@ def runaway(speed):
 
     def make(onset):
         class FaultyMotor(DcMotor):
-            def __init__(self, **arguments):
-                super().__init__(**arguments)
-                self._speed_command = ChangedCommand(self._speed_command, speed, onset)
+            def _update(self, context, discrete_state):
+                own = self._step
+                if context.get_time() >= onset - 1e-9:
+                    self._step = lambda state, command, *others: own(state, speed, *others)
+                super()._update(context, discrete_state)
+                self._step = own
 
         return [FaultyMotor]
 
@@ -89,7 +95,7 @@ def dead_feed(onset):
     class DeadMotor(DcMotor):
         def _update(self, context, discrete_state):
             super()._update(context, discrete_state)
-            if context.get_time() >= onset - 1e-9 and self._enabled.Eval(context)[0]:
+            if context.get_time() >= onset - 1e-9 and self.GetInputPort("enabled").Eval(context)[0]:
                 discrete_state.get_mutable_vector(self._state).SetFromVector([0.0, 0.0])
 
     return [DeadMotor]

@@ -15,11 +15,12 @@ import systems
 from models.hardware import DEVICE_PRESETS
 from models.scenario import TRIAL_STREAM, Scenario, load_scenario, resolve_scenario
 from systems.arm.kinematics import ArmKinematics
-from systems.control.watchdog import COMMANDS
 from systems.haptics.virtual_fixture import FreeFixture
-from systems.steps.force_guard import GuardLimits, StoppingModel
-from systems.steps.limits import drive_limits, retract_limits, sensor_limits
-from systems.steps.policy_controller import ControllerLimits
+from systems.law.force_guard import GuardLimits, StoppingModel
+from systems.law.limits import drive_limits, retract_limits, sensor_limits
+from systems.law.part import Part
+from systems.law.policy_controller import ControllerLimits
+from systems.law.watchdog import COMMANDS
 
 S = Scenario()
 X = RigidTransform()
@@ -81,7 +82,7 @@ def leaf_systems():
     for module in pkgutil.walk_packages(systems.__path__, "systems."):
         loaded = importlib.import_module(module.name)
         for _, kind in inspect.getmembers(loaded, inspect.isclass):
-            if issubclass(kind, LeafSystem) and kind.__module__ == loaded.__name__:
+            if issubclass(kind, LeafSystem) and kind.__module__ == loaded.__name__ and kind is not Part:
                 yield kind
 
 

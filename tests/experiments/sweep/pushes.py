@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from skill.policy import Action
-from systems.control.control_law import ControlLaw
+from systems.law.control_law import ControlLaw
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from skill.policy import CarriedOver
 from skill.practice.exploration import PerturbedPolicy, draw_perturbation
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.skill_step import skill_numbers
+from systems.law.faults import Fault
 from systems.rig import MakeRig
-from systems.steps.faults import Fault
 from tests.experiments.sweep.pushes import Push
 
 

@@ -9,7 +9,7 @@ import pytest
 from experiments.trial.trial_result import TrialResult
 from scripts.practise import exact_result
 from skill.data.outcome import Outcome
-from systems.steps.faults import Fault
+from systems.law.faults import Fault
 from tests.trial_results import PLAIN
 
 RESULT = replace(

@@ -7,7 +7,7 @@ from benchmarks.rig.control_laws import StraightPush
 from experiments.trial.run_trial import run_trial
 from experiments.trial.trial_set import TrialSet, trial_scenario
 from interfaces.gym.agents import PolicyAgent, run_episode
-from systems.steps.faults import Fault
+from systems.law.faults import Fault
 
 TRIAL = 88000
 

@@ -12,7 +12,7 @@ from interfaces.live.rig_view import RigView
 from models.scenario import TRIAL_STREAM, resolve_scenario
 from skill.features.measurement import contact_load
 from skill.policy import Action
-from systems.control.control_law import ControlLaw
+from systems.law.control_law import ControlLaw
 from tests.interfaces.live.test_display import Recorder
 
 

@@ -17,7 +17,7 @@ from interfaces.reports.result_tables import (
 from skill.data.outcome import Outcome
 from skill.states.phase_agreement import PhaseAgreement
 from skill.states.state_summary import summarise_states
-from systems.steps.faults import Fault
+from systems.law.faults import Fault
 from tests.interfaces.reports.tables import text_of
 from tests.state_recordings import FORCES, MOMENTS, labelled
 from tests.trial_results import PLAIN

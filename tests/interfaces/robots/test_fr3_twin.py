@@ -27,8 +27,8 @@ from models.scenario import load_scenario
 from scripts.command_line import SHIPPED
 from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
+from systems.arm.tip import HEIGHT, X
 from systems.arm.tip_servo import tip_at, tip_pose
-from systems.steps.tip import HEIGHT, X
 
 pytestmark = pytest.mark.slow
 STOP_TIME = 0.05  # in units of s

@@ -17,7 +17,7 @@ from skill.policy import Action
 from skill.states.estimate import Estimate
 from systems.arm.arm_diagram import MakeArm, stopping_of
 from systems.arm.kinematics import ArmKinematics
-from systems.control.control_law import ControlLaw
+from systems.law.control_law import ControlLaw
 from systems.rig import MakeRig
 from tests.diagrams import unconnected_inputs
 

@@ -9,7 +9,7 @@ from skill.manipulation_skill import ManipulationSkill
 from systems.arm.arm_diagram import stopping_of
 from systems.arm.arm_law import ArmLaw
 from systems.arm.kinematics import ArmKinematics
-from systems.steps.faults import Fault
+from systems.law.faults import Fault
 
 
 @pytest.mark.parametrize(("steps", "fault"), [(1, Fault.ENCODER_JUMPED), (10, Fault.NONE)])

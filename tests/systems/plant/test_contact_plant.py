@@ -13,7 +13,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from experiments.trial.trial_set import trial_scenario
 from models.scenario import Geometry, Scenario
-from systems.hardware.wrench_sensor import WrenchSensor
+from systems.law.wrench_sensor import WrenchSensor
 from systems.plant.contact_plant import (
     ALUMINIUM,
     MOUNT_MASS,

@@ -1,0 +1,1 @@
+"""What stands between the sensors and the motors: each part with its limits, its compiled step and its system."""
