@@ -271,8 +271,18 @@ class ForceGuard(Part):
     """
 
     def __init__(self, *, limits: GuardLimits, stopping: StoppingModel) -> None:
-        def step(state: Array, wrench: Array, depth: float, *commands: float) -> Array:
-            *rates, speed, unwinding, blind = commands
+        def step(
+            state: Array,
+            wrench: Array,
+            depth: float,
+            pitch_rate: float,
+            yaw_rate: float,
+            clocking_rate: float,
+            speed: float,
+            unwinding: float,
+            blind: float,
+        ) -> Array:
+            rates = pitch_rate, yaw_rate, clocking_rate
             return force_guard_step(limits, stopping, state, wrench, depth, *rates, speed, unwinding > 0.0, blind > 0.0)
 
         commands = ("pitch_rate", "yaw_rate", "clocking_rate", "feed_speed", "unwinding", "blind")

@@ -2,30 +2,28 @@
 
 import copy
 import functools
-import importlib
 import inspect
-import pkgutil
 from dataclasses import replace
 
 import joblib
 import pytest
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder, EventStatus, LeafSystem, PortDataType
+from pydrake.systems.framework import DiagramBuilder, EventStatus, PortDataType
 
 from models.scenario import TRIAL_STREAM, resolve_scenario
 from systems import rig as rig_module
 from systems.law import wiring as law_module
 from systems.law.dc_motor import DcMotor
 from systems.law.depth_encoder import DepthEncoder
-from systems.law.stepper_motor import StepperMotor
-from systems.law.wrench_sensor import WrenchSensor
 from systems.law.drive_monitor import DriveMonitor
 from systems.law.estimator import PolicyEstimator
 from systems.law.force_guard import ForceGuard
 from systems.law.part import TIME
 from systems.law.policy_controller import PolicyController
 from systems.law.sensor_monitor import SensorMonitor
+from systems.law.stepper_motor import StepperMotor
 from systems.law.watchdog import Watchdog
+from systems.law.wrench_sensor import WrenchSensor
 from systems.plant import contact_plant
 from systems.rig import AddEngine, MakeRig, WireRig
 
