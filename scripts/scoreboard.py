@@ -24,10 +24,6 @@ def main(
         Path | None,
         path_option("FILE", "HTML page to write; replaces an existing page.", shown="scoreboard.html in RESULTS"),
     ] = None,
-    markdown: Annotated[
-        Path | None,
-        path_option("FILE", "File for the same tables in Markdown; replaces an existing scoreboard.", shown="none"),
-    ] = None,
     against: Annotated[
         str | None,
         text_option(
@@ -40,8 +36,8 @@ def main(
     """Compares the policies of a sweep: who inserts, how fast, how gently, and at what cost.
 
     Reads the trials that `haptic-skill sweep` stored. Writes one page with a table for each set of trials, engine and
-    choice of factors, and curves over every factor with three values or more. Each number links the files of its trials
-    and tells the command that recomputes it. The page needs neither a network nor this program.
+    choice of factors, and curves over every factor with three values or more. Each policy links the files of its
+    trials, and each row has commands that recompute it. The page needs neither a network nor this program.
 
     Insertions have 95 % intervals over sets of demonstrations. Each policy is compared with one reference in the trials
     that both performed: the signs of the mean differences of the sets are flipped, and p-values corrected by Holm's
@@ -53,46 +49,33 @@ def main(
 
         haptic-skill scoreboard out/results
 
-        haptic-skill scoreboard out/results --against "straight push" --markdown docs/scoreboard.md
+        haptic-skill scoreboard out/results --against "straight push"
     """
-    from contextlib import ExitStack
-
     from experiments.outputs.folder_lock import locked_file
-    from experiments.outputs.output_checks import REPORT_SIZE, check_file, named_errors, require_distinct
+    from experiments.outputs.output_checks import REPORT_SIZE, check_file, named_errors
     from experiments.scoreboard.result_store import read_trials, trial_files
     from experiments.scoreboard.summary import make_scoreboard
-    from interfaces.reports.scoreboard_markdown import scoreboard_markdown
+    from interfaces.reports.result_tables import scoreboard_table
     from interfaces.reports.scoreboard_page import scoreboard_page, warnings
-    from interfaces.reports.scoreboard_table import terminal_table
     from interfaces.terminal import busy, progress, say, show
     from skill.data.files import write_atomically
 
     out = out or results / "scoreboard.html"
     files = trial_files(results)
-    outputs = {"--out": out} if markdown is None else {"--out": out, "--markdown": markdown}
-    require_distinct(outputs)
     check_file(out, ".html", size=REPORT_SIZE)
-    if markdown is not None:
-        check_file(markdown, ".md", option="--markdown", size=REPORT_SIZE)
     with progress("reading trials", len(files)) as advance:
         found = read_trials(results, advance)
     with busy(f"comparing {len(found.table):,} trials"):
         board = make_scoreboard(found, against)
-        texts = {out: scoreboard_page(board, out)}
-        if markdown is not None:
-            texts[markdown] = scoreboard_markdown(board, markdown)
-    with ExitStack() as locks:
-        for path in texts:
-            locks.enter_context(locked_file(path))
-        for path, text in texts.items():
-            with named_errors(path, "the results are unchanged"):
-                write_atomically(path, text.encode())
+        page = scoreboard_page(board, out)
+    with locked_file(out), named_errors(out, "the results are unchanged"):
+        write_atomically(out, page.encode())
     for table in board.tables[:MAX_PRINTED]:
-        show(terminal_table(table, board))
+        show(scoreboard_table(table, board.reference))
     if len(board.tables) > MAX_PRINTED:
         say(f"{len(board.tables) - MAX_PRINTED} more tables are in the page")
     say("against, slower by: in the trials that a policy shares with the reference; p: Holm-corrected over a table")
     for text in warnings(board):
         say(f"note: {text}")
     say(f"scoreboard of {board.trials:,} trials, compared with {board.reference}")
-    say(f"open {' and '.join(map(str, texts))}")
+    say(f"open {out}")

@@ -13,6 +13,7 @@ from rich.text import Text
 from skill.states.state_summary import FORCE, MOMENT, Spread, StateSummary
 
 if TYPE_CHECKING:
+    from experiments.scoreboard.summary import Table as Scores
     from experiments.trial.trial_result import TrialResult
     from skill.manipulation_skill import ManipulationSkill
     from skill.practice.query_state import QueryState
@@ -139,3 +140,19 @@ def phase_table(agreement: PhaseAgreement) -> Table:
         table.add_row(Text(name), *shares, str(counts.sum()))
     table.caption = f"adjusted Rand index {agreement.ari:.2f}; 1: states and phases are the same"
     return table
+
+
+def scoreboard_table(scores: Scores, reference: str) -> Table:
+    """One row per policy, with the columns that matter most; below a number what stands below it on the page."""
+    from experiments.scoreboard.columns import COLUMNS
+
+    columns = [column for column in COLUMNS if column.is_main]
+    found = plain_table(scores.cell.title)
+    found.add_column("policy", overflow="fold")
+    for column in columns:
+        found.add_column(f"{column.name}\n({column.unit})", justify="right")
+    for row in scores.rows:
+        name = f"{row.summary.policy} (reference)" if row.summary.policy == reference else row.summary.policy
+        cells = [f"{row.text(column)}\n{row.note(column)}".strip() for column in columns]
+        found.add_row(Text(name), *(Text(cell, justify="right") for cell in cells))
+    return found

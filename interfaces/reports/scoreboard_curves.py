@@ -30,8 +30,7 @@ DODGE = 2.0  # sideways distance of the intervals of neighbouring policies, in u
 INK, FAINT, LINE = "#1d2329", "#56616b", "#d3dae0"
 COLOURS = ("#0072b2", "#c04a00", "#00795a", "#9b3a78", "#7a5c00", "#3a3f44")
 DASHES = ("-", "--", ":", "-.")
-MARKERS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "p": "⬟"}
-"""Markers of Matplotlib, and the character that shows each in the key of a page."""
+MARKERS = ("o", "s", "^", "D", "v", "P", "p")
 
 
 @dataclass(frozen=True)
@@ -86,9 +85,8 @@ class Style:
 
 def styles_of(policies: Sequence[str]) -> dict[str, Style]:
     """Returns a style for each policy; the styles of the first 28 differ without colour."""
-    markers = list(MARKERS)
     return {
-        policy: Style(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)], markers[k % len(markers)])
+        policy: Style(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)], MARKERS[k % len(MARKERS)])
         for k, policy in enumerate(policies)
     }
 
@@ -134,16 +132,6 @@ def _curve(factor: str, title: str, tables: Sequence[Table]) -> Curve:
         [float(table.cell.values[factor]) for table in ordered],
         {policy: [found.get(policy) for found in rows] for policy in policies},
     )
-
-
-def panel_figures(curve: Curve, styles: dict[str, Style]) -> list[Figure]:
-    """Returns a figure for each of the `QUANTITIES`; ``styles`` are those of all policies of the page."""
-    figures = []
-    for quantity in curve.quantities:
-        figure = Figure(figsize=PANEL_SIZE, layout="constrained")
-        _draw(figure.subplots(), curve, quantity, styles)
-        figures.append(figure)
-    return figures
 
 
 def curve_figure(curve: Curve, styles: dict[str, Style]) -> Figure:

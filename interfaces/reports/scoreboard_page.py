@@ -9,23 +9,15 @@ import html
 import math
 import os
 from pathlib import Path
-from urllib.parse import quote, unquote
+from urllib.parse import quote
 
 from experiments.scoreboard.columns import COLUMNS, Column
 from experiments.scoreboard.paired_statistics import MIN_UNITS
 from experiments.scoreboard.queries import cell_commands, sweep_commands
-from experiments.scoreboard.summary import Row, Scoreboard, Table, factor_name
+from experiments.scoreboard.summary import Row, Scoreboard, Table
 from experiments.sweep.trial_files import partition
 from interfaces.reports.page_template import fill_page, svg_element
-from interfaces.reports.scoreboard_curves import (
-    MARKERS,
-    Curve,
-    Style,
-    curves_of,
-    limit_curves,
-    panel_figures,
-    styles_of,
-)
+from interfaces.reports.scoreboard_curves import curve_figure, curves_of, limit_curves, styles_of
 
 FORCES = ("contact", "load", "mean load", "above 20 N")
 """Columns that say little where the physics is not trusted."""
@@ -43,7 +35,10 @@ def scoreboard_page(board: Scoreboard, out: Path) -> str:
         about=html.escape(about(board)),
         warnings="".join(f'<p class="warning">{html.escape(text)}</p>' for text in warnings(board)),
         contents=_contents(board.tables),
-        curves="".join(_curve(curve, styles) for curve in (*curves_of(board), *limit_curves(board))),
+        curves="".join(
+            f'<section class="curve">{svg_element(curve_figure(curve, styles))}</section>'
+            for curve in (*curves_of(board), *limit_curves(board))
+        ),
         tables="\n".join(_table(number, table, board, out) for number, table in enumerate(board.tables)),
         reference=html.escape(board.reference),
         columns="".join(
@@ -127,21 +122,6 @@ def link(board: Scoreboard, row: Row, out: Path) -> str:
     return address(files[0], out) if len(files) == 1 else f"{address(folder, out)}/"
 
 
-def _curve(curve: Curve, styles: dict[str, Style]) -> str:
-    """A section with the panels of a curve, and which policy is which line."""
-    panels = "".join(f'<div class="panel">{svg_element(figure)}</div>' for figure in panel_figures(curve, styles))
-    key = "".join(
-        f'<span><i style="color: {style.colour}">{MARKERS[style.marker]}</i>{html.escape(policy)}</span>'
-        for policy, style in styles.items()
-        if policy in curve.summaries
-    )
-    return (
-        f'<section class="curve"><h2>Over the {html.escape(factor_name(curve.factor))}</h2>'
-        f'<p class="about">{html.escape(curve.title)}</p><div class="panels">{panels}</div>'
-        f'<p class="key">{key}</p></section>'
-    )
-
-
 def _contents(tables: list[Table]) -> str:
     """Links to the tables, if there are several."""
     if len(tables) < 2:
@@ -152,14 +132,14 @@ def _contents(tables: list[Table]) -> str:
 
 def _table(number: int, table: Table, board: Scoreboard, out: Path) -> str:
     """A table, and below it the commands behind each of its rows."""
-    headings = "".join(_heading(column) for column in COLUMNS)
-    rows = "\n".join(_row(f"how-{number}-{k}", row, board, out) for k, row in enumerate(table.rows))
-    hows = "\n".join(_how(f"how-{number}-{k}", row, board, out) for k, row in enumerate(table.rows))
     return (
         f'<section id="table-{number}"><h2>{html.escape(table.cell.title)}</h2>'
         '<div class="scroll" tabindex="0"><table><thead><tr><th scope="col" class="text"><button type="button">policy'
-        f"<small>&nbsp;</small></button></th>{headings}</tr></thead><tbody>\n{rows}\n</tbody></table></div>\n"
-        f"<details><summary>commands behind each row</summary>\n{hows}\n</details></section>"
+        f"<small>&nbsp;</small></button></th>{''.join(_heading(column) for column in COLUMNS)}</tr></thead><tbody>\n"
+        + "\n".join(_row(row, board, out) for row in table.rows)
+        + "\n</tbody></table></div>\n<details><summary>commands behind each row</summary>\n"
+        + "\n".join(_commands(row, board) for row in table.rows)
+        + "\n</details></section>"
     )
 
 
@@ -172,53 +152,33 @@ def _heading(column: Column) -> str:
     )
 
 
-def _row(how: str, row: Row, board: Scoreboard, out: Path) -> str:
-    """The table row of a policy."""
-    policy, trials = row.summary.policy, link(board, row, out)
-    role = "reference, " if policy == board.reference else ""
-    head = (
-        f'<th scope="row" class="text"><a href="{trials}">{html.escape(policy)}</a>'
-        f'<small>{role}<a href="#{how}">commands</a></small></th>'
-    )
-    cells = "".join(_cell(column, row, board, trials) for column in COLUMNS)
-    return f"<tr>{head}{cells}</tr>"
+def _row(row: Row, board: Scoreboard, out: Path) -> str:
+    """The table row of a policy; its name links the trials."""
+    policy = row.summary.policy
+    role = "<small>reference</small>" if policy == board.reference else ""
+    name = f'<a href="{link(board, row, out)}">{html.escape(policy)}</a>{role}'
+    return f'<tr><th scope="row" class="text">{name}</th>{"".join(_cell(column, row) for column in COLUMNS)}</tr>'
 
 
-def _cell(column: Column, row: Row, board: Scoreboard, trials: str) -> str:
-    """A cell: the number links the trials, and its title tells how it was made."""
-    key, s = row.key(column), row.summary
-    doubtful = column.name in FORCES and s.untrusted > 0
-    style = " ".join(
-        name
-        for name, applies in (("more", not column.is_main), ("doubtful", doubtful), ("words", column.name == "faults"))
-        if applies
-    )
-    title = [
-        column.tip,
-        *([f"{s.untrusted} of {s.trials} trials not trusted"] if doubtful else []),
-        *([f"recompute: {column.pandas}"] if column.pandas else []),
-        *(f"made by: {command}" for command in sweep_commands(board)),
-    ]
-    note = row.note(column)
+def _cell(column: Column, row: Row) -> str:
+    key, note = row.key(column), row.note(column)
+    doubtful = column.name in FORCES and row.summary.untrusted > 0
+    classes = {"more": not column.is_main, "doubtful": doubtful, "words": column.name == "faults"}
     return (
-        f'<td class="{style}" data-key="{"" if math.isnan(key) else f"{key:.9g}"}">'
-        f'<a href="{trials}" title="{html.escape(chr(10).join(title))}">{html.escape(row.text(column))}</a>'
+        f'<td class="{" ".join(name for name, applies in classes.items() if applies)}"'
+        f' data-key="{"" if math.isnan(key) else f"{key:.9g}"}">{html.escape(row.text(column))}'
         f"{f'<small>{html.escape(note)}</small>' if note else ''}</td>"
     )
 
 
-def _how(how: str, row: Row, board: Scoreboard, out: Path) -> str:
+def _commands(row: Row, board: Scoreboard) -> str:
     """The commands behind a row, folded."""
-    s, trials = row.summary, link(board, row, out)
+    policy, cell = row.summary.policy, row.summary.cell
     commands = "".join(
         f"<dt>{html.escape(name)}</dt><dd><pre>{html.escape(command)}</pre></dd>"
-        for name, command in cell_commands(board, s.policy, s.cell)
+        for name, command in cell_commands(board, policy, cell)
     )
-    return (
-        f'<details class="row"><summary>{html.escape(s.policy)}</summary><dl id="{how}">'
-        f'<dt>trials</dt><dd><a href="{trials}">{html.escape(unquote(trials))}</a></dd>'
-        f"{commands}</dl></details>"
-    )
+    return f'<details class="row"><summary>{html.escape(policy)}</summary><dl>{commands}</dl></details>'
 
 
 def _sweeps(board: Scoreboard, out: Path) -> str:

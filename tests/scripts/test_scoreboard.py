@@ -1,4 +1,4 @@
-"""The command scoreboard, from a folder of results to the page, the Markdown and the table."""
+"""The command scoreboard, from a folder of results to the page and the table."""
 
 import pytest
 
@@ -17,16 +17,16 @@ def results(tmp_path_factory):
     return write_results(tmp_path_factory.mktemp("results"), count=20)
 
 
-def test_page_and_markdown_are_written_and_the_results_unchanged(results, tmp_path):
+def test_the_page_is_written_and_the_results_unchanged(results, tmp_path):
     before = files(results)
-    done = scoreboard(results, "--out", tmp_path / "a.html", "--markdown", tmp_path / "docs" / "a.md")
-    assert files(tmp_path) == ["a.html", "docs/a.md"]
+    done = scoreboard(results, "--out", tmp_path / "a.html")
+    assert files(tmp_path) == ["a.html"]
     assert files(results) == before
     assert "scoreboard of 300 trials, compared with CA states, contexts + LWR" in done.stdout
     assert "friction 0.2" in done.stdout
     assert f"{LEARNT} (reference)" in done.stdout
     assert LAW in done.stdout
-    scoreboard(results, "--out", tmp_path / "a.html", "--markdown", tmp_path / "docs" / "a.md")  # replaces its own
+    scoreboard(results, "--out", tmp_path / "a.html")  # replaces its own
 
 
 def test_the_table_fits_a_narrow_terminal(results, tmp_path):
@@ -43,12 +43,6 @@ def test_the_table_fits_a_narrow_terminal(results, tmp_path):
 
 def test_other_files_are_not_replaced(results, tmp_path):
     (tmp_path / "notes.html").write_text("my notes")
-    (tmp_path / "notes.md").write_text("# My notes\n")
     line = error_line(invoke("scoreboard", results, "--out", tmp_path / "notes.html"))
     assert "is not replaced by an HTML page" in line
-    line = error_line(invoke("scoreboard", results, "--out", tmp_path / "a.html", "--markdown", tmp_path / "notes.md"))
-    assert "is not replaced by a scoreboard in Markdown" in line
-    line = error_line(invoke("scoreboard", results, "--out", tmp_path / "x", "--markdown", tmp_path / "x"))
-    assert "--out and --markdown are the same file" in line
     assert (tmp_path / "notes.html").read_text() == "my notes"
-    assert (tmp_path / "notes.md").read_text() == "# My notes\n"

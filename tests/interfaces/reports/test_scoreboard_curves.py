@@ -13,7 +13,6 @@ from interfaces.reports.scoreboard_curves import (
     curve_figure,
     curves_of,
     limit_curves,
-    panel_figures,
     styles_of,
 )
 from tests.experiments.scoreboard.simulated_trials import FAILED, LEARNT, OTHER, write_trials
@@ -33,7 +32,7 @@ def curves(folder):
 
 
 def panels(curve):
-    return [figure.axes[0] for figure in panel_figures(curve, styles_of(list(curve.summaries)))]
+    return curve_figure(curve, styles_of(list(curve.summaries))).axes
 
 
 def test_three_numbers_make_a_curve_two_or_texts_do_not(tmp_path):
@@ -54,7 +53,7 @@ def test_insertions_under_limits_of_the_load_are_counted_by_hand(tmp_path):
     np.testing.assert_allclose(learnt, [100 / 6, 50, 500 / 6])
     np.testing.assert_array_equal(other, [0, 0, 0])
     np.testing.assert_array_equal(inserted.lines[0].get_xdata(), [10, 20, 40])
-    assert curve_figure(curve, styles_of(list(curve.summaries))).axes[0].get_xlabel() == "limit of the load (N)"
+    assert inserted.get_xlabel() == "limit of the load (N)"
 
 
 def test_a_page_of_many_tables_has_no_curves_over_the_limits(tmp_path):
