@@ -26,8 +26,8 @@ from models.scenario import CORRECTION_STREAM, QUESTION_STREAM, Scenario, parse_
 from skill.data.demonstration import Demonstration
 from skill.data.rig_run import RigRun
 from skill.features.measurement import contact_load
-from skill.policy import RigPolicy
-from skill.practice.query_state import QueryState
+from skill.policy.query_state import QueryState
+from skill.policy.rig_policy import RigPolicy
 
 LIFT = 3e-4
 """A correction begins this much higher than the policy was stuck, m: the peg is held, but not pressed."""

@@ -14,8 +14,14 @@ from experiments.trial.trial_result import TrialResult
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, Scenario, resolve_scenario
 from skill.data.rig_run import RigRun
 from skill.manipulation_skill import ManipulationSkill
-from skill.practice.exploration import PerturbedPolicy, Rollout, draw_perturbation, rollout_of, step_costs
-from skill.practice.policy_update import advantage_weighted_update
+from skill.practice import (
+    PerturbedPolicy,
+    Rollout,
+    advantage_weighted_update,
+    draw_perturbation,
+    rollout_of,
+    step_costs,
+)
 
 Trial = tuple[TrialResult, RigRun]
 """Result and record of a trial."""

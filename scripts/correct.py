@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from models.scenario import Scenario
     from skill.data.demonstration import Demonstration
     from skill.manipulation_skill import ManipulationSkill
-    from skill.practice.query_state import QueryState
+    from skill.policy.query_state import QueryState
 
 
 def main(
@@ -127,7 +127,7 @@ def ask_only(
 ) -> None:
     """Performs the practice trials of the first round and prints in which query states the skill was stuck.
 
-    Writes them into the file ``json``, if there is one, for `skill.practice.query_state.read_query_states`.
+    Writes them into the file ``json``, if there is one, for `skill.policy.query_state.read_query_states`.
     """
     from experiments.outputs.output_checks import check_file, named_errors, require_distinct
     from interfaces.terminal import say, write_json

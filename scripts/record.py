@@ -199,8 +199,8 @@ def record_live(
     from interfaces.terminal import say
     from models.scenario import load_scenario
     from skill.manipulation_skill import ManipulationSkill
-    from skill.practice.policy_observer import PolicyObserver
-    from skill.practice.query_state import read_query_states
+    from skill.policy.policy_observer import PolicyObserver
+    from skill.policy.query_state import read_query_states
     from systems.law.wiring import check_geometry
 
     chosen = read_scenario(scenario, engine, defaults=load_scenario("device"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, Self
 
@@ -17,17 +16,16 @@ from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.demonstration import Demonstration
 from skill.data.geometry import PegHoleGeometry, common_geometry
 from skill.data.outcome import Outcome
-from skill.data.refinement import INTENDED
+from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, with_following_actions
 from skill.features.contact_features import ContactFeatures
-from skill.features.responses import ResponseFeatures
-from skill.features.training_samples import PLANNING, SampleSettings, noise_stream, observed_series
+from skill.features.measurement import observed_series
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, WrenchFeatures
-from skill.planning.imitation import FEED, N_TURNS, SPIN, Imitation, lowest_log_support
-from skill.planning.planner import Planner
-from skill.planning.planning_model import VALUE_TIME, PlanningModel
-from skill.planning.prediction import Prediction, Query, SkillExplanation
-from skill.planning.transitions import Transitions, transitions
-from skill.policy import Action
+from skill.policy.imitation import FEED, N_TURNS, SPIN, Imitation, lowest_log_support
+from skill.policy.planner import Planner
+from skill.policy.planning_model import VALUE_TIME, PlanningModel
+from skill.policy.prediction import Prediction, Query, SkillExplanation
+from skill.policy.rig_policy import Action
+from skill.policy.transitions import Transitions, transitions
 from skill.regression.bandwidth_selection import tuned_regressor
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.regression.protocols import ExplainableRegressor, Regressor, StateRegressor
@@ -40,6 +38,9 @@ from skill.states.state_style import state_labels
 STATE_FLOOR = 0.05
 """Added to the covariances of the states, in units of the variance of each state feature. Contacts at different places
 differ by more than its square root, 0.2 standard deviations. Without it, each long rest in one pose becomes a state."""
+
+PLANNING = 2
+"""Stream of the sensor noise in the samples of the planner; the other samples have the first."""
 
 
 class ManipulationSkill:
@@ -56,7 +57,7 @@ class ManipulationSkill:
         states: clusterer of the contact states; None for `CompetitiveAgglomeration` with ``STATE_FLOOR``. With
             ``m_init=1`` it finds a single state.
         policy: "imitate", do what the good demonstrations do in the same situation, or "plan", do what leads to the
-            desired next state (`skill.planning.planner`).
+            desired next state (`skill.policy.planner`).
         regressor: regressor of the actions, with several outputs as in scikit-learn; None for `LWRegressor`. The
             latter is tuned by `tuned_regressor`. A `StateRegressor` is given the contact states.
         still: delta_s, m; see `refine_demonstration`.
@@ -142,8 +143,7 @@ class ManipulationSkill:
             ContactFeatures.of(geometry) if self.state_features is None else clone(self.state_features)
         )
         rng = np.random.default_rng(self.random_state)
-        samples = self.sample_settings()
-        refined = [samples.with_noise(samples.refined(d), rng) for d in demonstrations]
+        refined = [self.with_noise(self.refined(demonstration), rng) for demonstration in demonstrations]
         self.period_ = float(np.median(np.concatenate([np.diff(d.samples["time"]) for d in demonstrations])))
         self.names_ = None
         self._fit_states(demonstrations, refined)
@@ -200,23 +200,43 @@ class ManipulationSkill:
         """Learns what the policy "plan" needs from all demonstrations."""
         if not isinstance(self.regressor_, LWRegressor):
             raise TypeError(f"a {type(self.regressor_).__name__} has no neighbours; expected one such as LWRegressor")
-        rows = self._transitions(demonstrations)
-        P = self.state_probabilities(rows.measured)
-        return PlanningModel().fit(rows, memberships=P, values=self.graph_.values(VALUE_TIME))
+        rng = np.random.default_rng(None if self.random_state is None else [self.random_state, PLANNING])
+        parts = []
+        for demonstration in demonstrations:
+            samples = self.with_noise(demonstration.samples, rng)
+            labels = self.states_.predict(self.state_features_.transform_demonstration(samples))
+            parts.append(
+                transitions(
+                    observed_series(samples),
+                    labels,
+                    good=demonstration.good,
+                    n_states=self.n_states,
+                    features=self.features_,
+                    peg_radius=self._peg_radius(),
+                    period=self.period_,
+                )
+            )
+        rows = Transitions.joined(parts)
+        return PlanningModel.learnt(
+            rows,
+            features=self.features_.transform(rows.measured),
+            memberships=self.state_probabilities(rows.measured),
+            values=self.graph_.values(VALUE_TIME),
+        )
 
-    def _transitions(self, demonstrations: Sequence[Demonstration]) -> Transitions:
-        """What followed each sample of demonstrations, with noise of the sensor."""
-        rng = noise_stream(self.random_state, PLANNING)
-        noisy = [self.sample_settings().with_noise(demonstration.samples, rng) for demonstration in demonstrations]
-        series = [observed_series(samples) for samples in noisy]
-        labels = [self.states_.predict(self.state_features_.transform_demonstration(samples)) for samples in noisy]
-        good = [demonstration.good for demonstration in demonstrations]
-        features, K = self._response_features(), self.n_states
-        return transitions(series, labels, good, features, n_states=K, period=self.period_)
+    def refined(self, demonstration: Demonstration) -> pd.DataFrame:
+        """Refined samples; each row holds a measurement, the action that follows it, and the intended one."""
+        samples = with_following_actions(demonstration.samples)
+        times = {"correction_time": self.correction_time, "feed_time": self.feed_time}
+        samples[list(INTENDED)] = intended_actions(samples, **times)
+        return refine_demonstration(samples, still=self.still, rough=self.rough)
 
-    def sample_settings(self) -> SampleSettings:
-        """How this skill makes its samples from demonstrations."""
-        return SampleSettings(**{f.name: getattr(self, f.name) for f in fields(SampleSettings)})
+    def with_noise(self, samples: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+        """A copy of samples with the noise of the sensor on the rig."""
+        noisy = samples.copy()
+        sigma = np.repeat([self.force_noise, self.moment_noise], 3)
+        noisy[list(MEASURED[:6])] += sigma * rng.standard_normal((len(samples), 6))
+        return noisy
 
     # ------------------------------------------------------------------- acting
 
@@ -229,9 +249,9 @@ class ManipulationSkill:
         """The estimate from one measurement (7,) alone."""
         return Estimate(self.state_probabilities(_row(measured))[0])
 
-    def _response_features(self) -> ResponseFeatures:
-        geometry = PegHoleGeometry.find(self.metadata_, "the skill")
-        return ResponseFeatures(self.features_, ContactFeatures.of(geometry).peg_radius)
+    def _peg_radius(self) -> float:
+        """The lever of the moments in the loads of a plan, m."""
+        return ContactFeatures.of(PegHoleGeometry.find(self.metadata_, "the skill")).peg_radius
 
     def _measured_channels(self) -> NDArray[np.intp]:
         """Indices of the state features that the rig can measure; the hidden ones follow them."""
@@ -269,7 +289,7 @@ class ManipulationSkill:
     def _predictor(self) -> Imitation | Planner:
         if self.planning_ is None:
             return self.imitation()
-        return Planner(self.planning_, self.imitation(), self._response_features(), self.period_)
+        return Planner(self.planning_, self.imitation(), self.features_, self._peg_radius(), self.period_)
 
     def imitation(self) -> Imitation:
         """Returns what predicts the actions from the features."""

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from skill.arrays import Array
 from skill.features.measurement import contact_load
-from skill.policy import Action, RigPolicy, WrappedPolicy
+from skill.policy.rig_policy import Action, RigPolicy, WrappedPolicy
 from skill.states.estimate import Estimate, Estimator
 
 TOUCH_LOAD = 3.0

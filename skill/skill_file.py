@@ -26,9 +26,9 @@ from skill.data.files import UNSEALED, check_seal, one_line, parse_object, read_
 from skill.data.geometry import PegHoleGeometry
 from skill.data.npz_archive import read_archive
 from skill.features.contact_features import ContactFeatures
-from skill.features.responses import N_INPUTS, N_OUTPUTS
 from skill.features.wrench_features import CanonicalFeatures, NormalisedFeatures, RawFeatures, WrenchFeatures
-from skill.planning.planning_model import PlanningModel
+from skill.policy.planning_model import PlanningModel
+from skill.policy.transitions import N_INPUTS, N_LOADS
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.state_graph import StateGraph
 
@@ -48,7 +48,7 @@ MAX_SEED = 2**32 - 1
 """Largest seed of NumPy's and scikit-learn's generators."""
 
 POLICIES = ("imitate", "plan")
-"""How a skill can act; see `skill.planning.imitation` and `skill.planning.planner`."""
+"""How a skill can act; see `skill.policy.imitation` and `skill.policy.planner`."""
 
 N_ACTIONS = (3, 4)
 """Number of outputs of the regressor: turn about x and y, feed, and turn about z where the skill turns there."""
@@ -334,8 +334,9 @@ def _check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, 
     if (planning is not None) != plans:
         raise ValueError(f"planning: {'missing' if plans else 'unexpected'} for this policy")
     if planning is not None:
-        sizes = [*(len(spread) for spread in planning.scales_), len(planning.lower_)]
-        of_skill = [features, N_INPUTS, N_OUTPUTS, K]
+        spreads = planning.feature_spread, planning.input_spread, planning.output_spread
+        sizes = [*(len(spread) for spread in spreads), len(planning.lower)]
+        of_skill = [features, N_INPUTS, N_LOADS, K]
         if sizes != of_skill:
             raise ValueError(f"planning: {sizes} features, inputs, outputs and states, expected {of_skill}")
     names = header["names"]

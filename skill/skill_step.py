@@ -15,9 +15,9 @@ from skill.features.canonical_frame import canonical_angle, turned
 from skill.features.contact_features import ContactFeatures, contact_features
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, canonical_features
 from skill.manipulation_skill import ManipulationSkill
-from skill.planning.imitation import FEED, SPIN, ImitationNumbers, imitate
-from skill.policy import CarriedOver
-from skill.practice.exploration import PerturbedPolicy, factors_at
+from skill.policy.imitation import FEED, SPIN, ImitationNumbers, imitate
+from skill.policy.rig_policy import CarriedOver
+from skill.practice import PerturbedPolicy, factors_at
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.contact_state_filter import FilterNumbers, contact_filter_step
 
@@ -32,7 +32,7 @@ class SkillNumbers(NamedTuple):
         state_features: peg_radius, force_floor and force_share of `ContactFeatures`.
         states: filter of the contact states.
         imitation: of the actions.
-        factors: depths (m) and logarithms of factors on turn and feed, see `skill.practice.exploration.Perturbation`.
+        factors: depths (m) and logarithms of factors on turn and feed, see `skill.practice.Perturbation`.
         memory: (m,), at the start.
         period: T_s, duration of an action, s.
     """

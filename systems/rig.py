@@ -10,7 +10,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Mult
 
 from models.arm import RIG
 from models.scenario import Scenario
-from skill.policy import RigPolicy
+from skill.policy.rig_policy import RigPolicy
 from systems.arm.arm_diagram import MakeArm
 from systems.law.dc_motor import DcMotor
 from systems.law.depth_encoder import DepthEncoder

@@ -5,7 +5,7 @@ import math
 from models.scenario import dump_scenario
 from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
-from skill.practice.query_state import QueryState
+from skill.policy.query_state import QueryState
 from tests.quick_scenario import make_quick_scenario
 
 QUERY_STATE = QueryState(

@@ -17,7 +17,7 @@ from scipy.stats import qmc
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.features.measurement import contact_load
-from skill.policy import Action
+from skill.policy.rig_policy import Action
 from skill.states.estimate import Estimate
 from systems.law.control_law import ControlLaw
 

@@ -32,8 +32,8 @@ from skill.clustering.gaussian_components import GaussianComponents
 from skill.clustering.gaussian_states import GaussianStates
 from skill.data.demonstration import Demonstration
 from skill.manipulation_skill import ManipulationSkill
-from skill.planning.imitation import Imitation
-from skill.policy import Action
+from skill.policy.imitation import Imitation
+from skill.policy.rig_policy import Action
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.estimate import Estimate
 

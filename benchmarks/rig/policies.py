@@ -11,8 +11,8 @@ from experiments.corrections import CorrectionPlan, StuckTrial, correct, demonst
 from experiments.sweep.policies import TrainingContext, learn
 from experiments.trial.run_trial import run_trials
 from skill.data.demonstration import Demonstration
-from skill.policy import RigPolicy
-from skill.practice.query_state import QueryState
+from skill.policy.query_state import QueryState
+from skill.policy.rig_policy import RigPolicy
 
 
 def straight_push(training_context: TrainingContext) -> RigPolicy:

@@ -19,7 +19,7 @@ import numpy as np
 
 from experiments.trial.run_trial import run_trials
 from models.scenario import load_scenario
-from skill.policy import Action
+from skill.policy.rig_policy import Action
 from systems.law.control_law import ControlLaw
 
 

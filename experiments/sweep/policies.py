@@ -23,10 +23,10 @@ from experiments.sweep.specification import PolicyPlan
 from experiments.trial.trial_set import TrialSet
 from models.scenario import Scenario
 from skill.data.demonstration import Demonstration, read_demonstration
-from skill.features.responses import observations
+from skill.features.measurement import observations
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
-from skill.policy import CarriedOver, RigPolicy
+from skill.policy.rig_policy import CarriedOver, RigPolicy
 from skill.states.estimate import estimates
 from systems.law.faults import error_summary
 

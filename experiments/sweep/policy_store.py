@@ -31,7 +31,7 @@ from models.scenario import dump_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.files import parse_object, write_atomically
 from skill.manipulation_skill import ManipulationSkill
-from skill.policy import CarriedOver, RigPolicy
+from skill.policy.rig_policy import CarriedOver, RigPolicy
 from systems.law.faults import error_summary
 
 Advance = Callable[[str], None]

@@ -15,7 +15,7 @@ from experiments.trial.run_trial import perform_trial
 from experiments.trial.trial_result import COUNTS, TrialResult
 from experiments.trial.trial_set import TrialSet, trial_scenario
 from models.scenario import Scenario, dump_scenario
-from skill.policy import RigPolicy
+from skill.policy.rig_policy import RigPolicy
 
 
 def perform(

@@ -16,7 +16,7 @@ from experiments.trial.penetration import deepest_overlap
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import Ending, Outcome
-from skill.policy import RigPolicy
+from skill.policy.rig_policy import RigPolicy
 from systems.law.faults import Fault, error_summary
 from systems.plant.contact_forces import JOINED_SIZE, MAX_JOINED, contact_table
 from systems.plant.contact_plant import DIVERGENCE_FORCE

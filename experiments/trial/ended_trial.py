@@ -21,7 +21,7 @@ from skill.arrays import Array
 from skill.data.axes import AXES
 from skill.data.outcome import UNPHYSICAL, Outcome
 from skill.data.rig_run import CONTACT_COLUMNS, RigRun
-from skill.policy import RigPolicy
+from skill.policy.rig_policy import RigPolicy
 from systems.law.faults import Fault
 
 

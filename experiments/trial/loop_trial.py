@@ -16,7 +16,7 @@ from models.arm import RIG
 from models.scenario import Scenario
 from skill.data.outcome import Outcome
 from skill.data.rig_run import LOGGED_COLUMNS
-from skill.policy import RigPolicy
+from skill.policy.rig_policy import RigPolicy
 from skill.skill_step import skill_numbers
 from systems.law.back_off import attempts_text
 from systems.law.faults import Fault

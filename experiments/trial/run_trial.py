@@ -13,7 +13,7 @@ from experiments.trial.trial_set import TrialSet, trial_scenario
 from experiments.worker_pool import run_in_processes
 from models.scenario import Scenario
 from skill.data.rig_run import RigRun
-from skill.policy import RigPolicy
+from skill.policy.rig_policy import RigPolicy
 from systems.rig import MakeRig
 
 

@@ -18,7 +18,7 @@ from skill.data.geometry import PegHoleGeometry
 from skill.data.outcome import Outcome
 from skill.data.refinement import with_following_actions
 from skill.data.rig_run import RUN_COLUMNS, ContactPlace, RigRun
-from skill.features.training_samples import observed_series
+from skill.features.measurement import observed_series
 from skill.manipulation_skill import ManipulationSkill
 from skill.states.estimate import estimates
 

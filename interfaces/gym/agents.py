@@ -10,7 +10,7 @@ import numpy as np
 
 from skill.arrays import Array
 from skill.features.measurement import measurement
-from skill.policy import RigPolicy
+from skill.policy.rig_policy import RigPolicy
 from skill.states.estimate import Estimate
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skill.policy import Action, RigPolicy
+from skill.policy.rig_policy import Action, RigPolicy
 from skill.states.estimate import Estimate, Estimator
 from systems.law.control_law import ControlLaw
 

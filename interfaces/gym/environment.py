@@ -23,7 +23,7 @@ from models.scenario import Scenario, load_scenario, validate_scenario
 from skill.arrays import Array
 from skill.data.outcome import UNPHYSICAL, Outcome
 from skill.features.measurement import contact_load
-from skill.policy import RigPolicy
+from skill.policy.rig_policy import RigPolicy
 from systems.plant.rig_plant import stepper_axes
 from systems.rig import MakeRig
 from systems.rig_diagram import RigDiagram

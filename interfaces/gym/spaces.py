@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context
 
 from models.scenario import Scenario
 from skill.arrays import Array
-from skill.policy import RigPolicy
+from skill.policy.rig_policy import RigPolicy
 from skill.replaced_wrench import ReplacedEstimate
 from skill.states.estimate import Estimate
 from systems.plant.rig_plant import stepper_axes

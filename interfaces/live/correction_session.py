@@ -33,8 +33,8 @@ from interfaces.terminal import Terminated
 from models.scenario import Scenario
 from skill.data.demonstration import Demonstration
 from skill.data.outcome import Outcome
-from skill.policy import RigPolicy
-from skill.practice.query_state import QueryState
+from skill.policy.query_state import QueryState
+from skill.policy.rig_policy import RigPolicy
 
 SKIP, SKIP_KEY = "skip the pose (N)", "KeyN"
 SKIP_HELP = (["N"], "skip the pose")

@@ -17,7 +17,7 @@ from interfaces.live.viewer_scene import ViewerScene
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.features.measurement import contact_load
-from skill.practice.policy_observer import Judgement
+from skill.policy.policy_observer import Judgement
 from skill.states.state_style import state_colours
 from systems.math.rotation import from_rotation_vector
 from systems.operators.person_frame import R_HV

@@ -16,8 +16,8 @@ from interfaces.live.session import PICTURE_PERIOD
 from models.scenario import Scenario
 from skill.data.axes import AXES
 from skill.data.outcome import UNPHYSICAL
-from skill.policy import Action, RigPolicy
-from skill.practice.policy_observer import Judgement
+from skill.policy.policy_observer import Judgement
+from skill.policy.rig_policy import Action, RigPolicy
 from systems.rig import MakeRig
 from systems.rig_diagram import RigDiagram
 from systems.servo.servo_process import Pace

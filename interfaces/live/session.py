@@ -22,9 +22,9 @@ from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.outcome import Ending, Outcome
 from skill.data.tables import TooShortError
 from skill.features.wrench_features import MEASURED
-from skill.policy import RigPolicy
-from skill.practice.policy_observer import PolicyObserver
-from skill.practice.query_state import QueryState
+from skill.policy.policy_observer import PolicyObserver
+from skill.policy.query_state import QueryState
+from skill.policy.rig_policy import RigPolicy
 from systems.operators.page_hand import PAGE, PageInput
 from systems.servo.servo_client import ServoClient
 from systems.virtual_environment import start_pose

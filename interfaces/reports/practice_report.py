@@ -13,9 +13,9 @@ from rich.table import Table
 from interfaces.reports.result_tables import plain_table
 
 if TYPE_CHECKING:
+    from experiments.paired_comparison import PairedChange
     from experiments.practice_results import Round
     from experiments.trial.trial_result import TrialResult
-    from skill.practice.paired_comparison import PairedChange
 
 MEASURES = {
     "time_s": ("time", "time (s)"),

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from experiments.scoreboard.summary import Table as Scores
     from experiments.trial.trial_result import TrialResult
     from skill.manipulation_skill import ManipulationSkill
-    from skill.practice.query_state import QueryState
+    from skill.policy.query_state import QueryState
     from skill.states.phase_agreement import PhaseAgreement
 
 

@@ -19,7 +19,7 @@ from models.scenario import TRIAL_STREAM, Scenario, resolve_scenario
 from skill.arrays import Array
 from skill.data.axes import AXES
 from skill.data.outcome import Ending, Outcome
-from skill.policy import RigPolicy
+from skill.policy.rig_policy import RigPolicy
 from systems.arm.arm_bodies import PERIOD
 from systems.arm.arm_diagram import stopping_of
 from systems.arm.arm_law import ArmLaw

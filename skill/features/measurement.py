@@ -1,14 +1,16 @@
-"""The measurement that a policy receives, and the contact load that the force guard limits."""
+"""What a policy receives, a measurement and its own turns, and the contact load that the force guard limits."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 
 from compiled import compiled
 from skill.arrays import Array
+from skill.features.wrench_features import MEASURED
 
 
 def measurement(wrench: ArrayLike, depth: ArrayLike) -> Array:
@@ -22,6 +24,29 @@ def measurement(wrench: ArrayLike, depth: ArrayLike) -> Array:
         (..., 7), the wrench and the height z = -depth of the tip, in the order of `MEASURED`.
     """
     return np.concatenate([np.asarray(wrench, dtype=float), -np.asarray(depth, dtype=float)[..., None]], axis=-1)
+
+
+def observations(measured: Array, turned: Array) -> Array:
+    """Joins measurements (..., 7) and own turns (..., 2) to observations (..., 9).
+
+    The own turn is the rotation vector (about x and y of P, rad) by which own motions have turned the peg relative to
+    the hole since the start.
+    """
+    return np.concatenate([measured, turned], axis=-1)
+
+
+def rig_observations(measured: Array, targets: Array) -> Array:
+    """Joins measurements (..., 7) and commanded angles of the hole (..., 2), rad, to observations (..., 9).
+
+    Turning the hole by an angle turns the peg relative to it by minus that angle.
+    """
+    return observations(measured, -targets)
+
+
+def observed_series(samples: pd.DataFrame) -> Array:
+    """Returns the observations (n, 9) of the samples of a demonstration; the own turn is the sum of its turns."""
+    turned = samples[["rx", "ry"]].to_numpy().cumsum(axis=0)
+    return observations(samples[list(MEASURED)].to_numpy(), turned)
 
 
 def contact_loads(wrenches: Array, lever: float) -> Array:

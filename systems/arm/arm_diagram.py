@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context, DiagramBuilder
 
 from models.scenario import Scenario
 from skill.data.axes import AXES
-from skill.policy import RigPolicy
+from skill.policy.rig_policy import RigPolicy
 from systems.arm.arm_bodies import PERIOD, AddArm, ArmBodies
 from systems.arm.kinematics import ArmKinematics
 from systems.arm.tip_servo import TipMotion, TipServo, height_along, tip_at, tip_pose

@@ -11,7 +11,7 @@ from pydrake.systems.primitives import PassThrough
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.axes import AXES
-from skill.policy import RigPolicy
+from skill.policy.rig_policy import RigPolicy
 from systems.arm.arm_bodies import PERIOD
 from systems.law.force_guard import StoppingModel
 from systems.law.wiring import AddLaw, check_geometry, check_start, connect_monitors

@@ -8,7 +8,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from skill.policy import Action
+from skill.policy.rig_policy import Action
 from skill.states.estimate import Estimate, Estimator
 
 

@@ -13,7 +13,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 from compiled import compiled
 from skill.arrays import Array
 from skill.features.measurement import load_of_components, measurement
-from skill.policy import Action, RigPolicy
+from skill.policy.rig_policy import Action, RigPolicy
 from skill.states.estimate import Estimate
 from systems.law.back_off import BackOffNumbers, BackOffState, attempts_text, back_off_step
 from systems.law.faults import error_summary

@@ -12,7 +12,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from models.control import wrench_factor
 from models.scenario import Scenario
 from skill.data.geometry import PegHoleGeometry, fit_difference
-from skill.policy import RigPolicy
+from skill.policy.rig_policy import RigPolicy
 from skill.replaced_wrench import ReplacedWrench
 from systems.law.drive_monitor import DriveMonitor
 from systems.law.estimator import READINGS, PolicyEstimator

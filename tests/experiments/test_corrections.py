@@ -20,7 +20,7 @@ from experiments.demonstration_set import OPERATORS, Request, demonstrate
 from experiments.trial.trial_set import trial_scenario
 from models.scenario import parse_scenario
 from skill.features.measurement import contact_load
-from skill.policy import Action
+from skill.policy.rig_policy import Action
 from systems.law.control_law import ControlLaw
 from systems.rig import MakeRig
 from systems.virtual_environment import start_pose

@@ -9,7 +9,7 @@ from experiments.practice_rounds import Practice, improve, trial_names
 from experiments.trial.run_trial import run_trial
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, TRIAL_STREAM, resolve_scenario
 from skill.manipulation_skill import ManipulationSkill
-from skill.practice.exploration import rollout_of
+from skill.practice import rollout_of
 from skill.states.estimate import Estimate
 
 SHORT = Practice(rounds=1, starts=1, checks=1)

@@ -9,7 +9,7 @@ import pytest
 from models.scenario import dump_scenario
 from skill.data.demonstration import read_demonstrations, write_demonstration
 from skill.manipulation_skill import ManipulationSkill
-from skill.practice.query_state import read_query_states
+from skill.policy.query_state import read_query_states
 from tests.query_states import write_stuck_skill
 from tests.quick_scenario import make_quick_scenario
 from tests.scripts.commands import error_line, files, invoke
@@ -76,7 +76,7 @@ def test_the_skill_has_learnt_from_them(corrected, place, demonstration_folder):
 def test_a_skill_that_plans_goes_on_so(place, demonstration_folder, tmp_path):
     skill = ManipulationSkill(policy="plan").fit(read_demonstrations(demonstration_folder))
     skill.regressor_.y_[:, :2] = 0.0
-    skill.planning_.samples_.Y[:] = 0.0  # no answer to any motion: it imitates a straight push, and gets stuck
+    skill.planning_.outputs[:] = 0.0  # no answer to any motion: it imitates a straight push, and gets stuck
     skill.save(place / "plan.npz")
     more = ("--corrections", tmp_path / "corrections")
     done = correct(place, demonstration_folder, *more, skill="plan.npz", out="planned.npz")

@@ -5,7 +5,7 @@ import pytest
 from skill.data.demonstration import write_demonstration
 from skill.manipulation_skill import ManipulationSkill
 from tests.scripts.commands import invoke
-from tests.skill.test_skill_plans import hinged_demonstrations
+from tests.skill.policy.test_skill_plans import hinged_demonstrations
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from skill.data.refinement import INTENDED, intended_actions, refine_demonstrati
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, RawFeatures
 from skill.manipulation_skill import ManipulationSkill
-from skill.planning.imitation import quartiles_of
+from skill.policy.imitation import quartiles_of
 from skill.regression.locally_weighted_regression import LWRegressor, local_prediction
 from skill.regression.protocols import ExplainableRegressor, StateRegressor
 from skill.states.contact_state_filter import ContactStateFilter
@@ -258,8 +258,7 @@ def test_the_states_are_fitted_to_all_samples_with_their_demonstration_and_phase
     parts = {**single_state(), "states": RecordedArguments(m_init=1)}
     skill = ManipulationSkill(**parts).fit(demonstrations)
     rng = np.random.default_rng(0)
-    samples = skill.sample_settings()
-    refined = [samples.with_noise(samples.refined(d), rng) for d in demonstrations]
+    refined = [skill.with_noise(skill.refined(d), rng) for d in demonstrations]
     Z, groups, phase = skill.states_.given_
     np.testing.assert_array_equal(Z, np.vstack([skill.state_features_.transform_demonstration(r) for r in refined]))
     np.testing.assert_array_equal(groups, [n for n, r in enumerate(refined) for _ in range(len(r))])
@@ -316,8 +315,7 @@ def test_the_noise_of_the_sensor_is_added_to_the_demonstrations():
 def test_the_covariance_of_a_state_has_a_floor_of_five_percent_of_the_variance(made_up_skill):
     """F_k = sum_i p_ik (z_i - v_k)(z_i - v_k)' / sum_i p_ik + 0.05 var, where the prior does not matter."""
     rng = np.random.default_rng(0)
-    samples = made_up_skill.sample_settings()
-    refined = [samples.with_noise(samples.refined(d), rng) for d in made_up_demonstrations()]
+    refined = [made_up_skill.with_noise(made_up_skill.refined(d), rng) for d in made_up_demonstrations()]
     Z = np.vstack([made_up_skill.state_features_.transform_demonstration(r) for r in refined])
     P, variance = made_up_skill.states_.predict_proba(Z), Z.var(axis=0)
     largest = int(P.sum(axis=0).argmax())

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import qmc
 
 from benchmarks.rig.control_laws import FIRST_TUNING, ROUNDS, MomentCompliance, SpiralSearch, cost, tune
-from skill.features.responses import observations
+from skill.features.measurement import observations
 from skill.states.estimate import Estimate, estimates
 
 PERIOD = 0.02

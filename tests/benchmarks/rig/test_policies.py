@@ -11,7 +11,7 @@ from experiments.corrections import CorrectionPlan
 from experiments.sweep.policies import TrainingContext
 from experiments.trial.trial_set import TrialSet
 from models.scenario import load_scenario
-from skill.practice.query_state import QueryState
+from skill.policy.query_state import QueryState
 
 STUCK = QueryState(
     **{"trial": 0, "time": 1.0, "depth": 0.01, "tilt": (0.0, 0.0), "clocking": 0.0},

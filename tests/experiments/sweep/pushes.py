@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from skill.policy import Action
+from skill.policy.rig_policy import Action
 from systems.law.control_law import ControlLaw
 
 

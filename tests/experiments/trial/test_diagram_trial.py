@@ -22,7 +22,7 @@ from models.clearance import start_of_clearance
 from models.scenario import Scenario, parse_scenario, resolve_scenario
 from skill.features.measurement import contact_loads
 from skill.manipulation_skill import ManipulationSkill
-from skill.policy import Action
+from skill.policy.rig_policy import Action
 
 
 @pytest.fixture(scope="module")

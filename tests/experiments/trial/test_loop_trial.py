@@ -14,8 +14,8 @@ from models.scenario import load_scenario
 from scripts.command_line import SHIPPED
 from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
-from skill.policy import CarriedOver
-from skill.practice.exploration import PerturbedPolicy, draw_perturbation
+from skill.policy.rig_policy import CarriedOver
+from skill.practice import PerturbedPolicy, draw_perturbation
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.skill_step import skill_numbers
 from systems.law.faults import Fault

@@ -20,8 +20,8 @@ from interfaces.live.display import (
 )
 from interfaces.live.page import PANEL
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
-from skill.policy import Action
-from skill.practice.policy_observer import Judgement
+from skill.policy.policy_observer import Judgement
+from skill.policy.rig_policy import Action
 from systems.math.rotation import from_rotation_vector
 from systems.operators.person_frame import R_HV, hand_pose
 from tests.interfaces.live.canvas import Canvas

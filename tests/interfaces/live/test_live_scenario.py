@@ -5,7 +5,7 @@ from experiments.corrections import LIFT
 from experiments.demonstration_set import attempt_seed
 from interfaces.live.session import asked_scenario, live_scenario
 from models.scenario import DEMONSTRATION_STREAM, Scenario, load_scenario, parse_scenario, resolve_scenario
-from skill.practice.query_state import QueryState
+from skill.policy.query_state import QueryState
 from systems.servo.multirate_margins import require_multirate_margins
 
 

@@ -11,7 +11,7 @@ from interfaces.live.display import LiveDisplay
 from interfaces.live.rig_view import RigView
 from models.scenario import TRIAL_STREAM, resolve_scenario
 from skill.features.measurement import contact_load
-from skill.policy import Action
+from skill.policy.rig_policy import Action
 from systems.law.control_law import ControlLaw
 from tests.interfaces.live.test_display import Recorder
 

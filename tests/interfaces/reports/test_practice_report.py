@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
+from experiments.paired_comparison import PairedChange
 from experiments.practice_results import Check, Round
 from interfaces.reports.practice_report import change_table, check_costs, practice_record, round_table
 from skill.data.outcome import Outcome
-from skill.practice.paired_comparison import PairedChange
 from tests.interfaces.reports.tables import text_of
 from tests.trial_results import PLAIN
 

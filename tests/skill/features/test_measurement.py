@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from skill.features.measurement import contact_load, contact_loads, load_of_components, measurement
+from skill.features.measurement import (
+    contact_load,
+    contact_loads,
+    load_of_components,
+    measurement,
+    observations,
+    rig_observations,
+)
 
 WRENCH = np.array([3.0, 4.0, 12.0, 0.03, 0.04, 0.0])
 
@@ -26,3 +33,9 @@ def test_the_load_of_six_floats_is_that_of_the_array():
     wrench = [3.0, -4.0, 12.0, 0.03, 0.04, -0.07]
     assert load_of_components(*wrench, 0.01) == pytest.approx(contact_load(np.array(wrench), 0.01), rel=1e-14)
     assert load_of_components(*[0.0] * 6, 0.01) == 0.0
+
+
+def test_turning_the_hole_turns_the_peg_relative_to_it_the_other_way():
+    measured, targets = np.arange(7.0), np.array([0.1, -0.2])
+    np.testing.assert_array_equal(rig_observations(measured, targets), [*range(7), -0.1, 0.2])
+    np.testing.assert_array_equal(rig_observations(measured, targets), observations(measured, -targets))

@@ -13,7 +13,7 @@ from models.arm import FR3, UR5E
 from models.scenario import load_scenario, validate_scenario
 from scripts.command_line import SHIPPED
 from skill.manipulation_skill import ManipulationSkill
-from skill.policy import Action
+from skill.policy.rig_policy import Action
 from skill.states.estimate import Estimate
 from systems.arm.arm_diagram import MakeArm, stopping_of
 from systems.arm.kinematics import ArmKinematics

@@ -3,7 +3,7 @@ import pytest
 
 from experiments.trial.run_trial import run_trial
 from experiments.trial.trial_set import trial_scenario
-from skill.policy import Action
+from skill.policy.rig_policy import Action
 from skill.states.estimate import Estimate
 from systems.law.control_law import ControlLaw
 

@@ -10,7 +10,7 @@ from experiments.trial.run_trial import run_trial
 from experiments.trial.trial_set import trial_scenario
 from models.control import ForceGuardParameters
 from models.scenario import Scenario
-from skill.policy import Action
+from skill.policy.rig_policy import Action
 from skill.states.estimate import Estimate
 from systems.law.control_law import ControlLaw
 from systems.law.force_guard import SLOPE_TIME, ForceGuard, GuardLimits, StoppingModel

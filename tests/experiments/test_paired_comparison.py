@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from skill.practice.paired_comparison import paired_change
+from experiments.paired_comparison import paired_change
 
 
 def test_halving_every_value_gives_a_change_of_minus_one_half_without_spread():

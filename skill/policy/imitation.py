@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from compiled import compiled
 from skill.arrays import Array
-from skill.planning.prediction import NearSamples, Prediction, Query
+from skill.policy.prediction import NearSamples, Prediction, Query
 from skill.regression.locally_weighted_regression import MAX_QUERY, LWRegressor, RegressionNumbers, local_prediction
 from skill.regression.protocols import Regressor, StateRegressor
 

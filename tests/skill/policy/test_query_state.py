@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from skill.practice.query_state import QueryState, read_query_states
+from skill.policy.query_state import QueryState, read_query_states
 from tests.query_states import QUERY_STATE
 
 

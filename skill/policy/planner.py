@@ -24,10 +24,11 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from skill.arrays import Array
-from skill.features.responses import LOADS, N_INPUTS, ResponseFeatures, horizon_steps
-from skill.planning.imitation import Imitation
-from skill.planning.planning_model import PlanningModel
-from skill.planning.prediction import Plan, Prediction, Query
+from skill.features.wrench_features import WrenchFeatures
+from skill.policy.imitation import Imitation
+from skill.policy.planning_model import PlanningModel
+from skill.policy.prediction import Plan, Prediction, Query
+from skill.policy.transitions import N_INPUTS, N_LOADS, horizon_steps, loads_of
 from skill.regression.locally_weighted_regression import LWRegressor
 
 LOAD_TOLERANCE = 2.0
@@ -50,13 +51,15 @@ class Planner:
     Attributes:
         model: forward models, desired states and bounds.
         imitation: what the demonstrations do; its regressor is a `LWRegressor`.
-        responses: computes the loads.
+        features: define the frame of the loads.
+        peg_radius: r, m.
         period: sample period of the actions, s.
     """
 
     model: PlanningModel
     imitation: Imitation
-    responses: ResponseFeatures
+    features: WrenchFeatures
+    peg_radius: float
     period: float
 
     def predict(self, query: Query) -> Prediction:
@@ -66,7 +69,7 @@ class Planner:
         log_weights = self.model.log_weights(query.X[0], query.P[0])
         drift, response = self.model.forward(log_weights)
         desired = self.model.desired(log_weights)
-        loads = self.responses.loads(query.row, self.responses.features.rotation_angle(query.row))[0]
+        loads = loads_of(query.row, self.features.rotation_angle(query.row), self.peg_radius)[0]
         low, high = self.model.bounds(query.P[0])
         step = desired.change * steps * self.period / max(desired.time, steps * self.period)
         spread = self._spread(shown) * steps + SMALLEST_SPREAD
@@ -76,7 +79,7 @@ class Planner:
             bounds=(low - loads - drift, high - loads - drift),
             usual=shown.action[:N_INPUTS] * steps,
             spread=spread,
-            largest=self.model.largest_input_,
+            largest=self.model.largest_input,
         )
         expected = loads + drift + response @ motion
         plan = Plan(desired, loads, expected, expected - np.clip(expected, low, high))
@@ -106,7 +109,7 @@ def best_motion(
         spread: (3,), s_u.
         largest: (3,), largest |u|.
     """
-    n = len(LOADS)
+    n = N_LOADS
     A = np.block(
         [
             [response / LOAD_TOLERANCE, np.zeros((n, n))],

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skill.features.responses import observations
-from skill.policy import Action, RigPolicy
+from skill.features.measurement import observations
+from skill.policy.rig_policy import Action, RigPolicy
 from skill.states.estimate import Estimate
 
 

@@ -9,8 +9,8 @@ from hypothesis.extra.numpy import arrays
 from sklearn.linear_model import LinearRegression
 
 from skill.features.wrench_features import CanonicalFeatures
-from skill.planning.imitation import Imitation, lowest_log_support, quartiles_of
-from skill.planning.prediction import Query
+from skill.policy.imitation import Imitation, lowest_log_support, quartiles_of
+from skill.policy.prediction import Query
 from skill.regression.locally_weighted_regression import LWRegressor
 
 ONE = np.ones((1, 1))

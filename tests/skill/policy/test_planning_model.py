@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skill.planning.planning_model import BOUNDS, MAX_LOAD, PlanningModel
-from tests.skill.planning.made_up import CLIMB, FEATURES, PERIOD, STIFFNESS, N, fitted, made_up_rows
+from skill.policy.planning_model import BOUNDS, MAX_LOAD, PRIOR_SAMPLES, PlanningModel
+from tests.skill.policy.made_up import CLIMB, FEATURES, PERIOD, STIFFNESS, N, fitted, made_up_rows
 
 
 @pytest.fixture(scope="module")
@@ -16,7 +16,7 @@ def model():
 
 def weights(model, force=4.0, state=0):
     measured = np.array([[force, 0.0, 5.0, 0.0, 0.0, 0.0, -0.002]])
-    return model.log_weights(FEATURES.features.transform(measured)[0], np.eye(3)[state])
+    return model.log_weights(FEATURES.transform(measured)[0], np.eye(3)[state])
 
 
 def test_the_forward_model_finds_the_law(model):
@@ -25,6 +25,16 @@ def test_the_forward_model_finds_the_law(model):
     assert response[0, 2] == pytest.approx(-CLIMB, rel=0.2)
     np.testing.assert_allclose(response[1:4], 0.0, atol=1e-9)
     np.testing.assert_allclose(drift, 0.0, atol=0.3)
+
+
+def test_the_coefficients_are_those_of_a_weighted_ridge_regression(model):
+    w = np.exp(weights(model))
+    A = np.column_stack([np.ones(len(w)), model.inputs])
+    M = A.T @ (w[:, None] * A) + PRIOR_SAMPLES * np.eye(4)
+    B = np.linalg.inv(M) @ A.T @ (w[:, None] * model.outputs)
+    drift, response = model.forward(weights(model))
+    np.testing.assert_allclose(drift, model.output_mean + model.output_spread * B[0], atol=1e-9)
+    np.testing.assert_allclose(response, np.outer(model.output_spread, 1 / model.input_spread) * B[1:].T, atol=1e-7)
 
 
 def test_far_from_all_samples_the_forward_model_is_their_mean():
@@ -39,11 +49,12 @@ def test_far_from_all_samples_the_forward_model_is_their_mean():
 def test_weights_are_a_gaussian_of_the_distance_times_the_shared_probability():
     rows = made_up_rows()
     model = fitted(rows, bandwidth=0.7)
-    spread = np.where(np.ptp(rows.features, axis=0) > 1e-9, rows.features.std(axis=0), 1.0)
+    X = FEATURES.transform(rows.measured)
+    spread = np.where(np.ptp(X, axis=0) > 1e-9, X.std(axis=0), 1.0)
     P = np.array([0.3, 0.6, 0.1])
-    distance = ((rows.features - rows.features[4]) / spread) ** 2
-    expected = np.exp(-distance.sum(axis=1) / (2 * 0.7**2)) * (model.memberships_ @ P)
-    np.testing.assert_allclose(np.exp(model.log_weights(rows.features[4], P)), expected, rtol=1e-6, atol=1e-12)
+    distance = ((X - X[4]) / spread) ** 2
+    expected = np.exp(-distance.sum(axis=1) / (2 * 0.7**2)) * (model.memberships @ P)
+    np.testing.assert_allclose(np.exp(model.log_weights(X[4], P)), expected, rtol=1e-6, atol=1e-12)
 
 
 def test_the_desired_state_is_the_follower_of_greatest_worth(model):
@@ -78,13 +89,13 @@ def test_jams_are_left_out():
     rows = made_up_rows()
     jammed = rows.outputs.copy()
     jammed[0] = 2.0 * MAX_LOAD
-    assert len(fitted(replace(rows, outputs=jammed)).times_) == len(rows.times) - 1
+    assert len(fitted(replace(rows, outputs=jammed)).times) == len(rows.times) - 1
     pressed = rows.loads.copy()
     pressed[[1, 2, 3], [0, 1, 4]] = 2.0 * MAX_LOAD, -2.0 * MAX_LOAD, 1.01 * MAX_LOAD  # a held jam does not change
-    assert len(fitted(replace(rows, loads=pressed)).times_) == len(rows.times) - 3
+    assert len(fitted(replace(rows, loads=pressed)).times) == len(rows.times) - 3
     of_moments = rows.loads.copy()
     of_moments[:, 2:4] = 10.0 * MAX_LOAD  # a long lever, no jam
-    assert len(fitted(replace(rows, loads=of_moments)).times_) == len(rows.times)
+    assert len(fitted(replace(rows, loads=of_moments)).times) == len(rows.times)
     with pytest.raises(ValueError, match="no sample of a good demonstration with a load below 40 N"):
         fitted(replace(rows, good=np.zeros(len(rows.times), dtype=bool)))
 

@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.policy import Action
+from skill.policy.rig_policy import Action
 from skill.regression.protocols import Explanation
 
 MAX_PRINTED = 5  # samples in the printed explanation
@@ -31,7 +31,7 @@ class Query(NamedTuple):
 
 
 class DesiredState(NamedTuple):
-    """The desired next state; the loads are those of `skill.features.responses.LOADS`.
+    """The desired next state; the loads are those of `skill.policy.transitions`.
 
     Attributes:
         state: its number; K for the insertion itself.
@@ -79,7 +79,7 @@ class Prediction(NamedTuple):
 
     Attributes:
         action: (3,), turn about x and y (rad) and feed (m) in the frame of the features, over one sample period.
-        support: see `skill.policy.Action`.
+        support: see `skill.policy.rig_policy.Action`.
         limited: whether a turn was limited to what the neighbours did; see `Imitation`.
         samples: the demonstrated samples nearby; None for a regressor that does not tell them.
         plan: what a planner expects; None for an imitation.

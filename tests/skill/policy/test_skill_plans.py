@@ -11,18 +11,18 @@ from sklearn.linear_model import LinearRegression
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.geometry import PegHoleGeometry
 from skill.features.contact_features import ContactFeatures
-from skill.features.responses import ResponseFeatures
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
-from skill.planning import planner
-from skill.planning.planning_model import VALUE_TIME
+from skill.policy.planning_model import VALUE_TIME
+from skill.policy.rig_policy import planner
+from skill.policy.transitions import loads_of
 from skill.regression.locally_weighted_regression import LWRegressor
 from tests.crafted_files import sealed_arrays
 from tests.trajectories import make_demonstration
 
 
 def hinged_demonstrations(number=8):
-    """Synthetic demonstrations whose lateral force answers to turns about y, by 800 N/rad; the turns are noise."""
+    """Demonstrations whose lateral force grows, and answers to turns about y by 800 N/rad; the turns are noise."""
     rng = np.random.default_rng(3)
     demonstrations = []
     for _ in range(number):
@@ -94,7 +94,7 @@ def test_the_action_is_the_minimum_of_the_sum_of_the_module(planning, row):
     near = imitated.samples
     share, actions = near.weights / near.weights.sum(), planning.regressor_.y_[near.rows]
     spread = 5 * np.sqrt(share @ (actions - share @ actions) ** 2) + planner.SMALLEST_SPREAD
-    low, high = (query.P[0] @ bounds for bounds in (model.lower_, model.upper_))
+    low, high = (query.P[0] @ bounds for bounds in (model.lower, model.upper))
     step = plan.desired.change * 0.1 / max(plan.desired.time, 0.1)
 
     def terms(motion):
@@ -104,28 +104,28 @@ def test_the_action_is_the_minimum_of_the_sum_of_the_module(planning, row):
         return to_go / planner.LOAD_TOLERANCE, unusual / spread, beyond / planner.BOUND_TOLERANCE
 
     best = minimize(
-        lambda v: sum(float(t @ t) for t in terms(v * model.largest_input_)),
+        lambda v: sum(float(t @ t) for t in terms(v * model.largest_input)),
         np.zeros(3),
         bounds=[(-1, 1)] * 3,
         tol=1e-12,
     )
     turn = np.array([[np.cos(frame), np.sin(frame)], [-np.sin(frame), np.cos(frame)]]) @ told.action.turn
     motion = 5 * np.array([*turn, told.action.feed])
-    np.testing.assert_allclose(motion / model.largest_input_, best.x, atol=2e-4)
+    np.testing.assert_allclose(motion / model.largest_input, best.x, atol=2e-4)
     np.testing.assert_allclose(plan.expected, plan.loads + drift + B @ motion, atol=1e-9)
     np.testing.assert_allclose(plan.beyond, terms(motion)[2] * planner.BOUND_TOLERANCE, atol=1e-9)
 
 
 def test_the_values_are_those_of_the_graph(planning):
     expected = [*planning.graph_.values(VALUE_TIME), 1.0, 0.0]
-    np.testing.assert_array_equal(planning.planning_.values_, expected)
+    np.testing.assert_array_equal(planning.planning_.values, expected)
 
 
 def test_the_loads_of_a_plan_are_those_of_the_frame(planning):
     geometry = PegHoleGeometry.find(planning.metadata_, "the skill")
     radius = ContactFeatures.of(geometry).peg_radius
     row = np.array([3.0, 4.0, 7.0, 0.02, -0.01, 0.0, -0.004])
-    turned = ResponseFeatures(planning.features_, radius).loads(row[None], np.arctan2([4.0], [3.0]))[0]
+    turned = loads_of(row[None], np.arctan2([4.0], [3.0]), radius)[0]
     np.testing.assert_allclose(turned[[0, 1, 4]], [5.0, 0.0, 7.0], atol=1e-12)
     np.testing.assert_allclose(planning.explain(row).prediction.plan.loads, turned, atol=0.05)
 

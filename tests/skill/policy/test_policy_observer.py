@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from skill.features.training_samples import observed_series
+from skill.features.measurement import observed_series
 from skill.features.wrench_features import MEASURED
-from skill.practice.policy_observer import PolicyObserver
+from skill.policy.policy_observer import PolicyObserver
 from skill.states.estimate import estimates
 
 

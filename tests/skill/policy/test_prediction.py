@@ -2,8 +2,8 @@ import math
 
 import numpy as np
 
-from skill.planning.prediction import MAX_PRINTED, DesiredState, Plan, Prediction, Query, SkillExplanation
-from skill.policy import Action
+from skill.policy.prediction import MAX_PRINTED, DesiredState, Plan, Prediction, Query, SkillExplanation
+from skill.policy.rig_policy import Action
 from skill.regression.protocols import Explanation
 
 

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import minimize
 
-from skill.features.responses import HORIZON
-from skill.planning.imitation import Imitation
-from skill.planning.planner import BOUND_TOLERANCE, LOAD_TOLERANCE, Planner, best_motion
-from skill.planning.prediction import Query
+from skill.policy.imitation import Imitation
+from skill.policy.planner import BOUND_TOLERANCE, LOAD_TOLERANCE, Planner, best_motion
+from skill.policy.prediction import Query
+from skill.policy.transitions import HORIZON
 from skill.regression.locally_weighted_regression import LWRegressor
-from tests.skill.planning.made_up import FEATURES, PERIOD, fitted, made_up_rows
+from tests.skill.policy.made_up import FEATURES, PERIOD, RADIUS, fitted, made_up_rows
 
 WIDE = np.full(5, -1e3), np.full(5, 1e3)
 LARGEST = np.array([0.1, 0.1, 1e-2])
@@ -89,11 +89,15 @@ def plan_with(time, share):
     rows = made_up_rows()
     rows = replace(rows, times=np.full_like(rows.times, time), changes=share * rows.changes)
     regressor = LWRegressor(bandwidth=5.0, feature_scale=None)
-    regressor.fit(rows.features, rows.inputs * PERIOD / HORIZON, memberships=np.ones((len(rows.times), 3)) / 3.0)
+    regressor.fit(
+        FEATURES.transform(rows.measured),
+        rows.inputs * PERIOD / HORIZON,
+        memberships=np.ones((len(rows.times), 3)) / 3.0,
+    )
     imitation = Imitation(regressor, np.zeros((len(rows.times), 2)), -math.inf)
     row = np.array([[4.0, 0.0, 5.0, 0.0, 0.0, 0.0, -0.002]])
-    query = Query(row, FEATURES.features.transform(row), np.array([[1.0, 0.0, 0.0]]))
-    return Planner(fitted(rows, bandwidth=5.0), imitation, FEATURES, PERIOD).predict(query)
+    query = Query(row, FEATURES.transform(row), np.array([[1.0, 0.0, 0.0]]))
+    return Planner(fitted(rows, bandwidth=5.0), imitation, FEATURES, RADIUS, PERIOD).predict(query)
 
 
 def test_the_target_of_a_horizon_is_the_demonstrated_change_at_its_demonstrated_speed():

@@ -1,1 +1,0 @@
-"""Practice: exploration noise, the policy update, and paired comparisons."""
