@@ -13,8 +13,8 @@ from skill.data.geometry import PegHoleGeometry
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
+from skill.policy import planner
 from skill.policy.planning_model import VALUE_TIME
-from skill.policy.rig_policy import planner
 from skill.policy.transitions import loads_of
 from skill.regression.locally_weighted_regression import LWRegressor
 from tests.crafted_files import sealed_arrays
