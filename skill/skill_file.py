@@ -22,7 +22,16 @@ from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.gaussian_states import GaussianStates
 from skill.data.array_schema import MAX_MAGNITUDE, MIN_POSITIVE, ArrayRule, check_arrays
-from skill.data.files import UNSEALED, check_seal, one_line, parse_object, read_bounded, seal, write_atomically
+from skill.data.files import (
+    UNSEALED,
+    check_seal,
+    is_number,
+    one_line,
+    parse_object,
+    read_bounded,
+    seal,
+    write_atomically,
+)
 from skill.data.geometry import PegHoleGeometry
 from skill.data.npz_archive import read_archive
 from skill.features.contact_features import ContactFeatures
@@ -54,11 +63,6 @@ N_ACTIONS = (3, 4)
 """Number of outputs of the regressor: turn about x and y, feed, and turn about z where the skill turns there."""
 
 Check = Callable[[Any], bool]
-
-
-def is_number(value: object) -> bool:
-    """Whether a value of JSON is a number, which may be infinite or NaN."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _at_least_zero(value: Any) -> bool:

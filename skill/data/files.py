@@ -158,3 +158,8 @@ def _integer(digits: str) -> int:
 def one_line(error: BaseException) -> str:
     """Returns the message of an exception on one line, at most 200 characters of it."""
     return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+def is_number(value: object) -> bool:
+    """Whether a value of JSON is a number, which may be infinite or NaN."""
+    return isinstance(value, int | float) and not isinstance(value, bool)

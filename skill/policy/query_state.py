@@ -8,8 +8,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Self
 
-from skill.data.files import one_line, read_bounded
-from skill.skill_file import is_number
+from skill.data.files import is_number, one_line, read_bounded
 
 MAX_SIZE = 10_000_000  # bytes of a file
 
