@@ -367,9 +367,8 @@ def correct_live(
         def show(performed: int, stuck: int) -> None:
             session.show_note(f"the skill practises: {performed} of {plan.trials} trials done, stuck in {stuck}")
 
-        show(0, 0)
-        with session.watched():
-            stuck = practise(chosen, policy, plan, number, jobs=jobs, after_trial=show)
+        session.begin_work(f"the skill practises: {plan.trials} trials")
+        stuck = practise(chosen, policy, plan, number, jobs=jobs, after_trial=show)
         if not stuck:
             session.say(f"never stuck in {plan.trials} practice trials: no corrections are needed")
             if number == 1:
@@ -391,8 +390,8 @@ def correct_live(
     def train_and_show(policy: ManipulationSkill, stuck: Sequence[StuckTrial], number: int) -> ManipulationSkill:
         nonlocal learnt_from
         kept = len(session.kept)
-        with session.watched(lambda elapsed: f"the skill learns from what you have shown: {elapsed:.0f} s"):
-            policy = train([demonstrations, corrections])
+        session.begin_work("the skill learns from what you have shown")
+        policy = train([demonstrations, corrections])
         learnt_from = kept
         session.perform_all(stuck, chosen, policy, again=number == plan.rounds)
         return policy

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import _thread
 import math
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import FrameType
 
 import numpy as np
 
@@ -29,7 +24,6 @@ from interfaces.live.session import (
     asked_scenario,
     live_scenario,
 )
-from interfaces.terminal import Terminated
 from models.scenario import Scenario
 from skill.data.demonstration import Demonstration
 from skill.data.outcome import Outcome
@@ -37,7 +31,6 @@ from skill.policy.query_state import QueryState
 from skill.policy.rig_policy import RigPolicy
 
 SKIP, SKIP_KEY = "skip the pose (N)", "KeyN"
-SKIP_HELP = (["N"], "skip the pose")
 
 
 class PersonLeftError(Exception):
@@ -75,64 +68,24 @@ class CorrectionSession(LiveSession):
             start_of=self._start, out=out, page=page, announce=announce, driver=driver, absence_limit=absence_limit
         )
         page.controls.AddButton(SKIP, SKIP_KEY)
-        announce(f"  {' '.join(SKIP_HELP[0]):10s} {SKIP_HELP[1]}")
         self._rig = RigView(page, self._display)
 
     def show_note(self, message: str) -> None:
-        """Shows on the page only what the session is busy with."""
-        self._display.show_message(message, BUSY)
-
-    # ------------------------------------------------------- practice, training
-
-    @contextmanager
-    def watched(self, note: Callable[[float], str] | None = None) -> Iterator[None]:
-        """Follows the page in another thread while the main thread, which enters this context, computes.
-
-        Args:
-            note: text for the page after a time, s, about once a second; None shows nothing.
+        """Shows on the page what the session is busy with.
 
         Raises:
-            PersonLeftError: in the main thread, when the person has quit or stays away. It interrupts whatever runs
-                there, as Ctrl-C does.
+            PersonLeftError: if the person has quit or stays away.
         """
-        is_asked, is_done = threading.Event(), threading.Event()
-        start, handler = time.monotonic(), signal.getsignal(signal.SIGINT)
+        self._display.show_message(message, BUSY)
+        self._display.follow_view_buttons()
+        if self._has_left():
+            raise PersonLeftError
 
-        def interrupt(number: int, frame: FrameType | None) -> None:
-            if is_asked.is_set():
-                raise KeyboardInterrupt
-            if callable(handler):  # a shell lets the commands in its background ignore Ctrl-C
-                handler(number, frame)
-
-        def watch() -> None:
-            shown = -1
-            while not is_done.wait(IDLE_PERIOD):
-                if self._has_left():
-                    is_asked.set()
-                    _thread.interrupt_main()
-                    return
-                self._display.follow_view_buttons()
-                elapsed = int(time.monotonic() - start)
-                if note is not None and elapsed > shown:
-                    shown = elapsed
-                    self.show_note(note(elapsed))
-
-        watcher = threading.Thread(target=watch, daemon=True)
+    def begin_work(self, message: str) -> None:
+        """Draws the peg above the hole, as before a demonstration, and shows a note; see `show_note`."""
         self._asked = []
-        self._prepare_next()  # the peg above the hole, as before a demonstration
-        signal.signal(signal.SIGINT, interrupt)
-        watcher.start()
-        try:
-            try:
-                yield
-            finally:
-                is_done.set()
-                watcher.join()
-                signal.signal(signal.SIGINT, handler)
-        except KeyboardInterrupt as reason:
-            if is_asked.is_set() and not isinstance(reason, Terminated):
-                raise PersonLeftError from None
-            raise
+        self._prepare_next()
+        self.show_note(message)
 
     # ------------------------------------------------------- demonstrations
 
@@ -219,12 +172,9 @@ class CorrectionSession(LiveSession):
                 self.show_note(f"{title}: {now:.1f} s, load {load:.0f} N; before: {before}")
 
         self._announce(f"{title}: practice trial {number} with the new skill")
-        trial = self._rig.perform(
-            resolved, policy, number=number, kept=len(self.kept), on_picture=show_progress, has_left=self._has_left
-        )
-        if trial is None:
-            raise PersonLeftError
-        ended = trial.ended()
+        ended = self._rig.perform(
+            resolved, policy, number=number, kept=len(self.kept), on_picture=show_progress
+        ).ended()
         result, run = ended.result, ended.record(policy)
         now = find_query_state(run, resolved, number=number, inserted=result.inserted)
         self.say(f"{title}: {course(result, now)}; before: {before}. Space: {then}")

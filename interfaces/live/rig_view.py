@@ -47,20 +47,16 @@ class RigView:
         number: int,
         kept: int,
         on_picture: Callable[[float, float], None],
-        has_left: Callable[[], bool],
-    ) -> TrialRun | None:
-        """Simulates and shows a trial.
+    ) -> TrialRun:
+        """Simulates and shows a trial, and returns it when it has ended.
 
         Args:
             scenario: of the trial, resolved.
             policy: that controls the rig.
             number: of the trial, for the record.
             kept: number of demonstrations kept in this session.
-            on_picture: receives the simulated time (s) and the measured load (N) of each picture.
-            has_left: asked once a controller period, whether the person has quit or stays away.
-
-        Returns:
-            The trial, which has ended; None if the person left.
+            on_picture: receives the simulated time (s) and the measured load (N) of each picture; an exception ends
+                the trial.
 
         Raises:
             ValueError: if the policy was made for another peg or hole.
@@ -74,8 +70,6 @@ class RigView:
         while not run.has_ended:
             run.advance(min((pace.ticks + 1) * pace.period, scenario.trial.time_limit))
             pace.wait()
-            if has_left():
-                return None
             now = time.monotonic()
             if now - rated > RATE_PERIOD:
                 simulated = pace.ticks * pace.period

@@ -99,7 +99,10 @@ class LiveServer:
 
 
 class GuardedHandler(RequestHandler):
-    """Refuses every request with a foreign Host or Origin header, or without the token."""
+    """Refuses every request with a foreign Host or Origin header, or without the token.
+
+    A browser sends an Origin with every handshake of a WebSocket, but not with every request.
+    """
 
     def initialize(self, server: LiveServer) -> None:
         """Remembers the server."""
@@ -115,13 +118,18 @@ class GuardedHandler(RequestHandler):
 
     def prepare(self) -> None:
         """Checks the request."""
-        origin, own = self.request.headers.get("Origin"), f"http://{self.request.host.lower()}"
+        own = f"http://{self.request.host.lower()}"
+        origin = self.request.headers.get("Origin", "" if self.is_handshake() else own)
         if not is_own_host(self.request.host_name, listens_at=self._server.host):
             raise HTTPError(403, reason="Forbidden: foreign Host header")
-        if not (origin is None or origin.lower() == own):
+        if origin.lower() != own:
             raise HTTPError(403, reason="Forbidden: foreign Origin header")
         if not secrets.compare_digest(str(self.path_args[0]).encode(), self._server.token.encode()):
             raise HTTPError(403, reason="Forbidden: missing or wrong token")
+
+    def is_handshake(self) -> bool:
+        """Whether the request is to begin a WebSocket."""
+        return self.request.headers.get("Upgrade", "").lower() == "websocket"
 
     def write_error(self, status_code: int, **kwargs: object) -> None:
         """Answers with one line."""
@@ -174,7 +182,7 @@ class PageHandler(GuardedHandler, WebSocketHandler):
 
     async def get(self, token: str) -> None:
         """Answers with the page, or begins a WebSocket."""
-        if self.request.headers.get("Upgrade", "").lower() == "websocket":
+        if self.is_handshake():
             await super().get(token)
         else:
             self.send_file("")

@@ -30,28 +30,12 @@ from systems.servo.servo_client import ServoClient
 from systems.virtual_environment import start_pose
 
 IDLE_PERIOD = 0.03  # in units of s, between two checks of the buttons
-ABSENCE_NOTICE = 5.0  # in units of s without an open page, after which the console says so
 PICTURE_PERIOD = 1 / 60  # in units of s, between two pictures
 READING_PERIOD = 0.1  # in units of s, between two updates of the panel
 RATE_READINGS = 10  # updates over which the real-time rate is measured: about a second
 
 START, GOOD, BAD, DISCARD, QUIT = "start (Space)", "keep as good (G)", "keep as bad (B)", "discard (X)", "quit (Q)"
 KEYS = {START: "Space", GOOD: "KeyG", BAD: "KeyB", DISCARD: "KeyX", QUIT: "KeyQ"}
-
-# Help for the console: (keys, what they do). On the page the name of each control has its keys.
-MOTION_HELP = [
-    (["W", "S"], "feed, retract"),
-    (["←", "→", "↑", "↓"], "tilt the peg"),
-    (["J", "L", "I", "K"], "move sideways"),
-]
-SESSION_HELP = [
-    (["Space"], "start"),
-    (["G"], "keep as good"),
-    (["B"], "keep as bad"),
-    (["X"], "discard"),
-    (["Q"], "quit"),
-    (["1", "2", "3"], "views"),
-]
 
 READY, RECORDING, VERDICT, BUSY, OVER = "ready", "recording", "verdict", "busy", "over"
 """The phases of a session, which the page knows. While it is busy, the person can do nothing but quit."""
@@ -90,12 +74,9 @@ class LiveSession:
             page.controls.AddButton(label, key)
         self._input = PageInput(page.controls, self._move_hand) if driver is None else None
         self._display = LiveDisplay(page, moves_hand=driver is None)
-        for keys, action in SESSION_HELP if driver is not None else MOTION_HELP + SESSION_HELP:
-            announce(f"  {' '.join(keys):10s} {action}")
         self._servo: ServoClient | None = None
         self._has_gamepad = False
         self._absent_since: float | None = None
-        self._absence_noticed = False
         self.kept: list[Path] = []
 
     def run(self) -> list[Path]:
@@ -125,18 +106,14 @@ class LiveSession:
             self.say("session over", OVER)
             return True
         if self._page.is_shown:
-            self._absent_since, self._absence_noticed = None, False
+            self._absent_since = None
             return False
         if self._absent_since is None:
             self._absent_since = time.monotonic()
-        absence = time.monotonic() - self._absent_since
-        if not self._absence_noticed and absence > ABSENCE_NOTICE:
-            self._absence_noticed = True
-            self._announce(f"no page is open: open {self._page.address} to continue")
-        elif absence > self._absence_limit:
+        is_over = time.monotonic() - self._absent_since > self._absence_limit
+        if is_over:
             self._announce("the page stayed closed: session over")
-            return True
-        return False
+        return is_over
 
     def _is_complete(self) -> bool:
         """Whether nothing is left to record; asked between two demonstrations. Here the person decides."""

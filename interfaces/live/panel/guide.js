@@ -5,23 +5,16 @@
   const ENTERED = 5e-4;  // m; a peg this deep has found the mouth without a touch
   const HIGH = 0.6;  // share of the limit above which the load is high
   const SEEN = "live-guide-seen";  // kept by the browser
-  const STEPS = ["touch", "level", "insert"];
-  // The cap of a key by its code.
-  const CAPS = {
-    Space: "Space", KeyW: "W", KeyS: "S", ArrowLeft: "←", ArrowRight: "→", ArrowUp: "↑", ArrowDown: "↓",
-    KeyG: "G", KeyB: "B", KeyX: "X",
-  };
-  let step = null;  // one of STEPS, "keep", or null while the guide is hidden
+  const STEPS = ["touch", "level", "insert", "keep"];
+  let step = null;  // one of STEPS, or null while the guide is hidden
   let values = {}, wasInserted = false;
 
   const tiltOf = ({tilt}) => tilt ? Math.hypot(tilt.right, tilt.away) : 0;
 
   /** The keys that tilt the peg back to the centre of the dial. */
-  function levelling({tilt}) {
-    const codes = [];
-    if (Math.abs(tilt.right) > LEVEL / 2) codes.push(tilt.right > 0 ? "ArrowLeft" : "ArrowRight");
-    if (Math.abs(tilt.away) > LEVEL / 2) codes.push(tilt.away > 0 ? "ArrowDown" : "ArrowUp");
-    return codes;
+  function levelling({right, away}) {
+    return [[right, "←", "→"], [away, "↓", "↑"]].filter(([angle]) => Math.abs(angle) > LEVEL / 2)
+      .map(([angle, less, more]) => angle > 0 ? less : more);
   }
 
   /** The step after `step`, given the values. */
@@ -35,71 +28,50 @@
     if (values.phase !== "recording") return step;
     if (step === "keep") return "touch";
     if (step === "touch" && (contactLoad(values) > TOUCH_LOAD || values.depth.tip > ENTERED)) return "level";
-    if (step === "level" && tiltOf(values) < LEVEL) return "insert";
-    return step;
+    return step === "level" && tiltOf(values) < LEVEL ? "insert" : step;
   }
 
-  /** What to do now: [text, codes of the keys that do it]. */
+  /** What to do now: [text, keys that do it]. */
   function advice() {
     if (step === "keep") {
-      if (isInserted(values)) return ["Inserted. Keep it as good or as bad, or discard it.", ["KeyG", "KeyB", "KeyX"]];
-      return ["Not inserted. Discard it, and start again.", ["KeyX"]];
+      if (isInserted(values)) return ["Inserted. Keep it as good or as bad, or discard it.", ["G", "B", "X"]];
+      return ["Not inserted. Discard it, and start again.", ["X"]];
     }
     if (values.phase !== "recording") return ["Start a demonstration.", ["Space"]];
-    if (step === "touch") return ["Feed down until the tip of the peg touches.", ["KeyW"]];
-    if (step === "level") {
-      return ["Level the peg: bring the orange line of the dial to the centre.", levelling(values)];
-    }
+    if (step === "touch") return ["Feed down until the tip of the peg touches.", ["W"]];
+    if (step === "level") return ["Level the peg: bring the orange line of the dial to the centre.", levelling(values.tilt)];
     const {contact, depth} = values;
     const isHigh = contact && contact.load > HIGH * contact.limit;
     if (contact && (isHigh || contact.held) && tiltOf(values) > LEVEL / 2) {
-      return ["The load is high: level the peg first, or retract a little.", [...levelling(values), "KeyS"]];
+      return ["The load is high: level the peg first, or retract a little.", [...levelling(values.tilt), "S"]];
     }
-    if (isHigh) return ["The load is high: retract a little, then feed in slowly.", ["KeyS"]];
-    const left = formatNumber(1e3 * Math.max(depth.full - depth.tip, 0), 1);
-    return [`Feed in to the full depth: ${left} mm to go.`, ["KeyW"]];
+    if (isHigh) return ["The load is high: retract a little, then feed in slowly.", ["S"]];
+    return [`Feed in to the full depth: ${formatNumber(1e3 * Math.max(depth.full - depth.tip, 0), 1)} mm to go.`, ["W"]];
   }
 
-  /** Shows the keys. */
-  function showHints(codes) {
-    byId("guide-keys").replaceChildren(...codes.map(code => {
+  /** Goes to a step, and shows it with what to do. */
+  function show(newStep) {
+    if (step !== null && newStep === null) localStorage.setItem(SEEN, "yes");
+    step = newStep;
+    byId("guide").hidden = step === null || values.phase === "busy";
+    if (byId("guide").hidden) return;
+    byId("guide").querySelectorAll("li").forEach((item, k) => {
+      item.className = k < STEPS.indexOf(step) ? "done" : k === STEPS.indexOf(step) ? "current" : "";
+    });
+    const [text, keys] = advice();
+    byId("guide-text").textContent = text;
+    byId("guide-keys").replaceChildren(...keys.map(key => {
       const cap = document.createElement("kbd");
-      cap.textContent = CAPS[code];
+      cap.textContent = key;
       return cap;
     }));
   }
 
-  function show() {
-    const isHidden = step === null || values.phase === "busy";
-    byId("guide").hidden = isHidden;
-    if (isHidden) return showHints([]);
-    const number = STEPS.includes(step) ? STEPS.indexOf(step) : STEPS.length;
-    byId("guide").querySelectorAll("li").forEach((item, k) => {
-      item.className = k < number ? "done" : k === number ? "current" : "";
-    });
-    const [text, codes] = advice();
-    byId("guide-text").textContent = text;
-    showHints(codes);
-  }
-
-  function begin() {
-    step = "touch";
-    show();
-  }
-
-  function end() {
-    step = null;
-    localStorage.setItem(SEEN, "yes");
-    show();
-  }
-
-  onButton("guide-show", "KeyH", begin);
-  onButton("guide-skip", "Escape", end);
+  onButton("guide-show", "KeyH", () => show("touch"));
+  onButton("guide-skip", "Escape", () => show(null));
   onValues(received => {
     values = received;
-    if (step === null || !values.depth) return;
-    step = next();
-    if (step === null) end(); else show();
+    if (step !== null && values.depth) show(next());
   });
-  if (!localStorage.getItem(SEEN)) begin();
+  if (!localStorage.getItem(SEEN)) show("touch");
 })();

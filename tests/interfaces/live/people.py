@@ -52,16 +52,17 @@ def insert(page, watch=lambda: None):
 BY_FEEL = """  // a person at the keys, ten times a second
   const [touch, gentle, rough, step, most] = arguments, of = id => document.getElementById(id);
   let touched = false;
+  const press = code => window.dispatchEvent(new KeyboardEvent("keydown", {code}));
   const person = setInterval(() => {
     if (!of("status").textContent.includes("recording")) return clearInterval(person);
     const load = parseFloat(of("contact-load").textContent), tilt = of("tilt");
     touched ||= load > touch;
-    if (load < gentle) livePanel.press("KeyW");
-    if (load > rough) livePanel.press("KeyS");
+    if (load < gentle) press("KeyW");
+    if (load > rough) press("KeyS");
     const right = tilt.getAttribute("x2") / 10, away = -tilt.getAttribute("y2") / 10;
     for (const [angle, less, more] of [[right, "ArrowRight", "ArrowLeft"], [away, "ArrowUp", "ArrowDown"]])
       for (let k = Math.min(most, Math.round(Math.abs(angle) / step)); touched && k > 0; k -= 1)
-        livePanel.press(angle < 0 ? less : more);
+        press(angle < 0 ? less : more);
   }, 100);
 """
 

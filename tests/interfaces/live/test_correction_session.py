@@ -1,11 +1,9 @@
 """The page of a live correction session, in this process: what it asks for, skips, watches and says."""
 
-import signal
 import time
 from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from interfaces.live.controls import LiveControls
@@ -13,7 +11,6 @@ from interfaces.live.correction_session import SKIP, CorrectionSession, PersonLe
 from interfaces.live.messages import Outbox
 from interfaces.live.session import QUIT, LiveSession
 from interfaces.live.viewer_scene import ViewerScene
-from interfaces.terminal import Terminated
 from models.scenario import load_scenario
 from skill.data.outcome import Outcome
 from tests.query_states import QUERY_STATE
@@ -107,43 +104,17 @@ def test_clicks_from_before_neither_start_nor_skip(dut, page, monkeypatch):
     assert dut._place == 0
 
 
-@pytest.mark.parametrize("leave", [lambda page: page.click(QUIT), lambda page: setattr(page, "is_shown", False)])
-def test_a_computation_ends_when_the_person_quits_or_stays_away(dut, page, leave):
-    def compute():
-        leave(page)
-        while time.monotonic() < began + 20.0:
-            np.linalg.eigvals(np.eye(20))
-
-    began = time.monotonic()
-    with pytest.raises(PersonLeftError), dut.watched():
-        compute()
-    assert time.monotonic() - began < 5.0
-
-
-def test_quitting_ends_a_computation_of_a_command_that_ignores_interrupts(dut, page):
-    """A shell without job control starts the commands of its background so."""
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        with dut.watched():
-            signal.raise_signal(signal.SIGINT)  # not of the page
-        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-        test_a_computation_ends_when_the_person_quits_or_stays_away(dut, page, lambda page: page.click(QUIT))
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def test_a_computation_shows_its_time_and_goes_through(dut, page):
-    with dut.watched(lambda elapsed: f"learning: {elapsed:.0f} s"):
-        time.sleep(1.2)
-    assert [m for m in page.messages if "learning" in m] == ["learning: 0 s", "learning: 1 s"]
-    assert page.values["phase"] == "busy"
-
-
-def test_an_interrupt_that_the_page_did_not_ask_for_stays_one(dut):
-    with pytest.raises(KeyboardInterrupt), dut.watched():
-        signal.raise_signal(signal.SIGINT)
-    with pytest.raises(Terminated), dut.watched():
-        raise Terminated
+def test_work_is_shown_and_ends_when_the_person_quits_or_stays_away(dut, page):
+    dut.begin_work("learning")
+    assert (page.messages[-1], page.values["phase"]) == ("learning", "busy")
+    page.click(QUIT)
+    with pytest.raises(PersonLeftError):
+        dut.show_note("still learning")
+    page.is_shown = False
+    dut.show_note("a closed page may be opened again")
+    time.sleep(0.4)
+    with pytest.raises(PersonLeftError):
+        dut.show_note("nobody is there")
 
 
 def result(outcome, time=2.34, reason="drive fault: no current"):

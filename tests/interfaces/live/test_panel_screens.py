@@ -120,20 +120,13 @@ def moving_peg(panel):
 
 @pytest.mark.nightly
 @pytest.mark.browser
-def test_without_a_graphics_card_pictures_are_coarser_and_fine_again_where_they_are_quick(panel):
+def test_without_a_graphics_card_pictures_are_coarser(panel):
     panel.screen(*DESKTOP)
     with moving_peg(panel):
-        panel.page.wait("livePanel.picturesPerSecond > 0 && viewer.renderer.getPixelRatio() < 0.9", timeout=40.0)
+        panel.page.wait("viewer.renderer.getPixelRatio() < 0.9", timeout=40.0)
         assert 0 < int(panel.text("pictures")) < 70
         ratio, width = panel.page.run("return [viewer.renderer.getPixelRatio(), viewer.renderer.domElement.width]")
     assert width == pytest.approx(1280 * ratio, abs=1.0)
-    panel.page.wait("viewer.renderer.domElement.width === 1280")  # a still scene has all pixels
-    panel.page.run("viewer.renderer.render = () => {}")  # as quick as a graphics card
-    panel.page.run("window.dirt = setInterval(() => viewer.set_dirty(), 10)")
-    panel.page.wait("viewer.renderer.getPixelRatio() === 1", timeout=60.0)
-    panel.page.run("clearInterval(window.dirt)")
-    panel.page.wait("livePanel.picturesPerSecond === 0", timeout=5.0)
-    assert panel.text("pictures") == "–"
 
 
 @pytest.mark.browser

@@ -182,6 +182,11 @@ def test_foreign_requests_are_refused_even_with_the_token(page, client, kind, he
     assert clicks_at_the_right_address(page, client)
 
 
+def test_a_websocket_without_an_origin_is_refused(client):
+    request = client.handshake(client.path).split(b"\r\n")
+    assert client.ask(b"\r\n".join(line for line in request if not line.startswith(b"Origin")))[0] == 403
+
+
 def test_requests_without_the_token_are_refused(page, client, caplog):
     token = client.path.strip("/")
     wrong = ("", "wrong", "..", token.swapcase(), token[:-1], token + "A")
