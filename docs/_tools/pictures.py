@@ -120,7 +120,6 @@ def both() -> dict[str, Path]:
     return {"a usual trial": trial("usual", smooth), "a harder trial": trial("hard", smooth)}
 
 
-THEORY = "benchmarks.physics.theory --friction 0.1 --friction 0.2 --friction 0.3 --pictures docs/pictures"
 DIAGRAMS = "haptic_skill diagram --out docs/pictures"
 FIRST_HOUR = "tests.docs.first_hour out/first_hour"
 
@@ -143,14 +142,13 @@ COMMANDS: dict[str, Callable[[], object]] = {
     "insertion.png": partial(shutil.copy, OUT / "fig5_insertion.png", PICTURES / "insertion.png"),
     "demonstrations.png": partial(shutil.copy, OUT / "demonstrations" / "demonstrations.png", PICTURES),
     "gymnasium.png": rendered,
-    **{
-        name: partial(shell, THEORY)
-        for name in ("two_point_depth.svg", "jamming.svg", "wedging.svg", "force_balance.svg")
-    },
     **{name: partial(shell, DIAGRAMS) for name in ("virtual_environment.svg", "rig.svg")},
     **{f"first_hour_{part}.webp": partial(shell, FIRST_HOUR) for part in ("show", "ask", "rig")},
 }
 """What makes each picture."""
+
+KEPT = {"two_point_depth.svg", "jamming.svg", "wedging.svg", "force_balance.svg"}
+"""Pictures of the laws of contact, which are kept: `docs/physics.md` names the commit that draws them."""
 
 if __name__ == "__main__":
     for chosen in sys.argv[1:]:

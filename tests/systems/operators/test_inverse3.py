@@ -306,15 +306,6 @@ def test_the_display_gives_the_hand_no_more_than_it_absorbs(service, frequency, 
     assert service.generated < 1e-4
 
 
-@pytest.mark.slow
-def test_a_hundred_times_the_delay_is_not_passive(service):
-    """So the test above can fail."""
-    service.delay = 200
-    service.path = lambda t: np.array([0.0, 0.0, -0.012 * min(t / 0.3, 1.0) + 0.004 * math.sin(20 * t), 0.0, 0.0, 0.0])
-    through_the_servo(service)
-    assert service.generated > 1e-3
-
-
 @pytest.mark.parametrize("answer", [b"HTTP/1.1 200 OK\r\n\r\n", b"SSH-2.0\r\n", b"HTTP/1.1 101 X\r\n\r\n"])
 def test_a_server_of_another_kind_is_one_line(monkeypatch, answer):
     listener = socket.create_server(("127.0.0.1", 0))

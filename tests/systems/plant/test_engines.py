@@ -7,13 +7,10 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from experiments.trial.diagram_trial import run_rig
-from experiments.trial.trial_set import trial_scenario
 from models.hardware import STEEL
 from skill.data.rig_run import ContactPlace
 from systems.plant.contact_plant import ALUMINIUM, AddRigPlant, NominalBodies
-from systems.rig import AddEngine, MakeRig
-from tests.diagrams import unconnected_inputs
+from systems.rig import AddEngine
 from tests.systems.plant.engine_bench import Bench, G, hanging_weight
 
 
@@ -78,23 +75,6 @@ def test_two_contexts_do_not_disturb_each_other(scenario):
     states = [s.get_context().get_discrete_state(0).value() for s in (alone, first, second)]
     np.testing.assert_array_equal(states[0], states[1])
     assert not np.array_equal(states[0], states[2])
-
-
-@pytest.mark.slow
-def test_the_skill_inserts_in_the_exact_engine(quick_scenario, skill):
-    scenario = quick_scenario
-    scenario.rig.pivot_height, scenario.contact.engine = 0.0, "exact"
-    scenario.start.tilt = [0.04, -0.035]
-    scenario.trial.time_limit = 8.0
-    resolved = trial_scenario(scenario, number=1000)
-    rig = MakeRig(resolved, skill)
-    assert unconnected_inputs(rig.diagram) == set()
-    ended = run_rig(rig, resolved, seed=1000)
-    result, run = ended.result, ended.record(skill)
-    assert result.reason == "inserted"
-    assert result.depth == pytest.approx(resolved.full_depth, abs=1e-4)
-    assert result.steps > 0
-    assert np.isfinite(run.samples.to_numpy()).all()
 
 
 def test_contacts_and_sensor_have_the_force_that_presses_the_peg_on_the_floor(scenario):

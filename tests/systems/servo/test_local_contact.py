@@ -61,13 +61,6 @@ def test_joined_springs_are_few_and_keep_stiffness_and_force(n, seed):
     np.testing.assert_allclose(np.linalg.norm(joined.normals, axis=1), 1.0)
 
 
-def test_opposite_sides_are_not_joined():
-    points = np.array([[0.01, 0.0, -0.01], [-0.01, 0.0, -0.01], [0.01, 0.0, -0.0101]])
-    normals = np.array([[-1.0, 0.02, 0.0], [1.0, 0.02, 0.0], [-1.0, 0.03, 0.0]])
-    joined = Springs(points, normals, np.ones(3), np.array([2.0, 3.0, 4.0])).joined()
-    assert sorted(joined.forces) == [3.0, 6.0] or sorted(joined.forces) == [2.0, 3.0, 4.0]
-
-
 def test_faces_are_joined_by_the_direction_in_which_they_push():
     """Forces are powers of two, so that a sum names its parts."""
     up, down, inward = [0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [-0.9, 0.0, math.sqrt(1.0 - 0.9**2)]
