@@ -11,17 +11,15 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydrake.math import RigidTransform, RotationMatrix
 
-from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe, PosedMeshes
+from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe
 from models.assembly import Assembly
 from models.contact_theory import (
     jamming_load,
-    largest_entry_tilt,
     slenderness,
     two_point_axial_force,
     two_point_depth,
@@ -32,9 +30,6 @@ from models.exact_geometry import rotations_of_vectors
 from models.scenario import Scenario
 from models.section import rounded_corners
 from skill.arrays import Array
-
-if TYPE_CHECKING:
-    pass
 
 PRISMS = {
     "square": 0.0,
@@ -88,20 +83,6 @@ def converged(scenario: Scenario, friction: float) -> Scenario:
     # At 5e-4 s a line contact under a tilting load rocks, and sticks where it should slide.
     finer.contact.time_step = 2.5e-4
     return finer
-
-
-def stiffer(scenario: Scenario, friction: float) -> Scenario:
-    """The scenario as `converged`, with the stiffer contact with which wedging is measured."""
-    finer = converged(scenario, friction)
-    finer.contact.modulus = 1e11
-    return finer
-
-
-def unchanged(scenario: Scenario, friction: float) -> Scenario:
-    """The scenario with its own numerics, and the friction replaced."""
-    own = copy.deepcopy(scenario)
-    own.contact.friction = friction
-    return own
 
 
 @dataclass(frozen=True)
@@ -202,7 +183,6 @@ def jamming_trials(
     depth: float,
     count: int,
     seed: int,
-    numerics: Callable[[Scenario, float], Scenario] = converged,
     engine: Callable[..., PlanarProbe] = ContactProbe,
 ) -> JammingTrials:
     """Trials with random loads, uniform over an area 1.5 times the parallelogram in both directions.
@@ -213,7 +193,6 @@ def jamming_trials(
         depth: l, m.
         count: number of trials.
         seed: seed of the loads.
-        numerics: `converged`, or `unchanged` for those of the scenario.
         engine: makes the probe.
     """
     sizes = PegTheory.of(scenario)
@@ -222,7 +201,7 @@ def jamming_trials(
     edge, two_point = rng.uniform(-1.5, 1.5, (2, count))
     x = edge / friction
     m = lam * two_point - friction * (1.0 + lam) * x
-    probe = engine(numerics(scenario, friction), mass=0.15, inertia=3e-5, damping=(5.0, 0.0, 0.05))
+    probe = engine(converged(scenario, friction), mass=0.15, inertia=3e-5, damping=(5.0, 0.0, 0.05))
     slid = np.array([_slides(probe, sizes, depth, a, b, np.sign(s)) for a, b, s in zip(x, m, two_point, strict=True)])
     return JammingTrials(x, m, jamming_load(x, m, slenderness=lam, friction=friction), slid, lam)
 
@@ -374,16 +353,17 @@ def measured_wedging_tilt(
     scenario: Scenario,
     friction: float,
     *,
-    numerics: Callable[[Scenario, float], Scenario] = stiffer,
     engine: Callable[..., PlanarProbe] = ContactProbe,
 ) -> tuple[float, Array]:
     """Minimum tilt at which a squeezed peg stays squeezed, rad, and tilt (rad) and kept part of every trial, (n, 2).
 
-    ``numerics`` is `stiffer`, or `unchanged` for those of the scenario; ``engine`` makes the probe. The tilt is NaN if
-    the peg does not change from slipping to holding within the tilts that the bore allows.
+    The contact is stiffer than `converged`; ``engine`` makes the probe. The tilt is NaN if the peg does not change from
+    slipping to holding within the tilts that the bore allows.
     """
     sizes = PegTheory.of(scenario)
-    probe = engine(numerics(scenario, friction), mass=0.15, inertia=3e-5, damping=(0.0, 0.0, 0.002))
+    finer = converged(scenario, friction)
+    finer.contact.modulus = 1e11
+    probe = engine(finer, mass=0.15, inertia=3e-5, damping=(0.0, 0.0, 0.002))
     law = wedging_tilt(peg_radius=sizes.r, hole_radius=sizes.R, friction=friction)
     # Two-point contact must begin above the floor of the bore, and at a tilt that still enters.
     deepest = 0.95 * (scenario.geometry.hole_depth - scenario.geometry.chamfer)
@@ -399,34 +379,3 @@ def measured_wedging_tilt(
         trials.append((middle, squeeze_kept(probe, sizes, middle)))
         free, wedged = (free, middle) if trials[-1][1] >= MIN_KEPT_SQUEEZE else (middle, wedged)
     return 0.5 * (free + wedged), np.array(sorted(trials))
-
-
-def mouth_gaps(scenario: Scenario, *, count: int, seed: int) -> Array:
-    """Gaps of the round bodies at which the meshes begin to touch, (count,), m; negative where the bodies overlap.
-
-    The block is turned about both axes of the gimbal, each by up to 0.7 of the largest tilt that enters, and the centre
-    of the tip is off the axis of the bore by up to half of sqrt(R^2 - r^2) (see `models.clearance`). The peg comes down
-    until the meshes touch.
-
-    Args:
-        scenario: geometry of the bodies.
-        count: number of poses.
-        seed: seed of the poses.
-    """
-    sizes, g = PegTheory.of(scenario), scenario.geometry
-    meshes, rng = PosedMeshes(scenario), np.random.default_rng(seed)
-    largest, reach = largest_entry_tilt(peg_radius=sizes.r, hole_radius=sizes.R), np.sqrt(sizes.R**2 - sizes.r**2)
-    centres: list[Array] = []
-    turns: list[Array] = []
-    while len(centres) < count:
-        pitch, yaw = rng.uniform(-0.7 * largest, 0.7 * largest, 2)
-        R_HP = (RotationMatrix.MakeXRotation(pitch) @ RotationMatrix.MakeYRotation(yaw)).inverse()
-        direction, offset = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 0.5 * reach)
-        p = np.array([offset * np.cos(direction), offset * np.sin(direction), 0.0])
-        free, touching = 2.0 * sizes.r * np.sin(largest), -0.8 * g.hole_depth
-        while free - touching > 1e-9:
-            p[2] = 0.5 * (free + touching)
-            free, touching = (free, p[2]) if meshes.touch(RigidTransform(R_HP, p)) else (p[2], touching)
-        centres.append(np.array([p[0], p[1], free]))
-        turns.append(R_HP.matrix())
-    return g.assembly.gap(centres, turns)

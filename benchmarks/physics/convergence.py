@@ -5,13 +5,14 @@
 A peg with a fixed tilt of 1 degree is pushed into two-point contact, free to move sideways, until it is at rest; and a
 peg slides slowly in two-point contact. Columns, one row per setting:
 
-- play depth: error of the depth at which two-point contact begins, from the meshes alone, relative to the exact h;
-- depth: error of the depth at rest under the push, relative to the same h; it includes the compliance of the contact;
-- moment: moment that keeps the tilt, relative to that of two slipping contacts;
-- overlap: depth of overlap of the round bodies at rest, by exact geometry, um, under 5 N and under 50 N;
+- play_depth_error: error of the depth at which two-point contact begins, from the meshes alone, over the
+  exact h;
+- depth_error: error of the depth at rest under the push, over the same h; it includes the compliance of the contact;
+- moment_error: moment that keeps the tilt, relative to that of two slipping contacts;
+- overlap_um, large_overlap_um: depth of overlap of the round bodies at rest, by exact geometry, under 5 N and 50 N;
 - light, firm: error of the axial contact force of a peg that slides at depths of 10 and 20 mm, relative to Whitney's
   balance, with 4 mN m (light) and 0.2 N m (firm) on it; "spread" is the standard deviation of the last one;
-- ms a step: CPU time of a step in contact.
+- cost_ms: CPU time of a step in contact.
 
 A row names what differs from the default scenario, whose bore has its corners on the true circle, like those of the
 peg (as in `make_hole`), and a broken edge. The first row is the finest; the second one has the settings of earlier
@@ -29,9 +30,10 @@ import copy
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
+import pandas as pd
 import typer
 
 from benchmarks.command_line import JsonFile, finish, run
@@ -51,9 +53,6 @@ from interfaces.terminal import progress
 from models.assembly import Assembly
 from models.contact_theory import two_point_depth, two_point_push_moment
 from models.scenario import Scenario
-
-if TYPE_CHECKING:
-    pass
 
 TILT = np.radians(1.0)
 FORCE, LARGE_FORCE = 5.0, 50.0  # axial pushes, N
@@ -80,17 +79,6 @@ SLIDES = {
     for name, moment in (("light", LIGHT), ("firm", FIRM))
     for depth in (0.010, 0.020)
 }
-COLUMNS = {
-    "play_depth_error": "play depth",
-    "depth_error": "depth",
-    "moment_error": "moment",
-    "overlap_um": "overlap um",
-    "large_overlap_um": "large",
-    **{name: name.replace("_", " ") for name in SLIDES},
-    "spread": "spread",
-    "cost_ms": "ms a step",
-}
-"""Titles of the columns, by the key of their values."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +141,7 @@ def mujoco_cases() -> Iterator[Case]:
 
 
 def measure(case: Case) -> dict[str, float]:
-    """The results of one case, by the keys of `COLUMNS`; those from the meshes alone are left out in MuJoCo."""
+    """The results of one case, by their columns; those from the meshes alone are left out in other engines."""
     sizes, friction = PegTheory.of(case.scenario), case.scenario.contact.friction
     size = {"peg_radius": sizes.r, "hole_radius": sizes.R}
     probe = case.probe(**PRESSED)
@@ -172,30 +160,17 @@ def measure(case: Case) -> dict[str, float]:
     return row
 
 
-def cell(key: str, value: float | None) -> str:
-    """The text of a value in the table."""
-    if value is None:
-        return "-"
-    if key == "cost_ms":
-        return f"{value:.3f}"
-    if key.endswith("overlap_um"):
-        return f"{value:.1f}"
-    return f"{100 * value:.2f} %" if key == "play_depth_error" else f"{100 * value:.1f} %"
-
-
 def main(
     mujoco: Annotated[bool, typer.Option("--mujoco", help="Also measure MuJoCo.")] = False,
     json: JsonFile = None,
 ) -> None:
     cases = [*map(drake_case, SETTINGS), *exact_cases(), *(mujoco_cases() if mujoco else ())]
     rows = []
-    print(f"{'setting':44}" + "".join(f"{title:>11}" for title in COLUMNS.values()))
     with progress("convergence", len(cases)) as advance:
         for case in cases:
-            row = measure(case)
-            rows.append({"setting": case.name, **row})
-            print(f"{case.name:44}" + "".join(f"{cell(key, row.get(key)):>11}" for key in COLUMNS), flush=True)
+            rows.append({"setting": case.name, **measure(case)})
             advance(case.name)
+    print(pd.DataFrame(rows).to_string(index=False, float_format="{:.4f}".format, na_rep="-"))
     finish({"rows": rows}, json)
 
 
