@@ -37,7 +37,7 @@ test-fast: environment
 # What takes minutes or checks what changes rarely: damaged files, killed commands, mutants, wheel, site, whole sweeps,
 # every command of README, and each tutorial.
 test-nightly: environment system-packages fuzz campaign mutants
-	$(PYTEST) -m nightly
+	$(PYTEST) --hypothesis-profile nightly -m "nightly or hypothesis"
 
 lint: environment
 	$(RUN) ruff check .

@@ -7,9 +7,9 @@ import sqlite3
 import struct
 import warnings
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,7 +17,11 @@ from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 import pandas as pd
+from lz4.frame import LZ4FrameDecompressor
+from mcap.data_stream import ReadDataStream
 from mcap.reader import SeekingReader
+from mcap.records import Chunk, McapRecord, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
 from numpy.typing import NDArray
 from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import (
@@ -30,7 +34,7 @@ from rosbags.interfaces import (
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.msg import normalize_msgtype
 from rosbags.typesys.store import Typestore
-from zstandard import ZstdDecompressor
+from zstandard import ZstdDecompressor, frame_content_size
 
 from skill.data.files import check_regular, no_access, one_line
 from skill.recordings.column_table import ColumnChoice, check_length, select_columns, table_recordings
@@ -72,6 +76,9 @@ REMEDIES = {
 MAX_RECORD = 100_000_000
 """Largest number of bytes of a record of MCAP; usual chunks have some megabytes."""
 
+MAX_UNPACKED = 200_000_000
+"""Largest number of bytes to which a chunk of MCAP or a message may unpack."""
+
 
 NO_DEFINITION = MessageDefinition(MessageDefinitionFormat.NONE, "")
 
@@ -96,10 +103,11 @@ class _McapFile:
     """
 
     def __init__(self, stream: BinaryIO) -> None:
-        self._reader = SeekingReader(stream, validate_crcs=True, record_size_limit=MAX_RECORD)
-        summary = self._reader.get_summary()
+        self._stream = stream
+        summary = SeekingReader(stream, record_size_limit=MAX_RECORD).get_summary()
         if summary is None or summary.statistics is None:
             raise ValueError("no statistics of its messages")
+        self._chunks = summary.chunk_indexes
         self.connections: list[Connection] = []
         for number, channel in summary.channels.items():
             schema = summary.schemas.get(channel.schema_id)
@@ -113,8 +121,47 @@ class _McapFile:
     def messages(self, connections: Sequence[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
         """Yields the connection, the time of logging, ns, and the content of each message of a topic."""
         by_number = {connection.id: connection for connection in connections}
-        for _, channel, message in self._reader.iter_messages([c.topic for c in connections], log_time_order=False):
-            yield by_number[channel.id], message.log_time, message.data
+        for record in self._records(by_number):
+            if isinstance(record, Message) and record.channel_id in by_number:
+                yield by_number[record.channel_id], record.log_time, record.data
+
+    def _records(self, channels: Mapping[int, Connection]) -> Iterator[McapRecord]:
+        """Yields the records outside of chunks, and those of each chunk that may have messages of the channels."""
+        for record in self._indexed(channels) if self._chunks else self._all():
+            if isinstance(record, Chunk):
+                yield from breakup_chunk(replace(record, compression="", data=_unpacked(record)), validate_crc=True)
+            else:
+                yield record
+
+    def _indexed(self, channels: Mapping[int, Connection]) -> Iterator[McapRecord]:
+        for index in self._chunks:
+            if not index.message_index_offsets or channels.keys() & index.message_index_offsets.keys():
+                self._stream.seek(index.chunk_start_offset + 9)  # after its mark and its length
+                yield Chunk.read(ReadDataStream(self._stream))
+
+    def _all(self) -> Iterator[McapRecord]:
+        self._stream.seek(0)
+        return StreamReader(self._stream, emit_chunks=True, record_size_limit=MAX_RECORD).records
+
+
+def _unpacked(chunk: Chunk) -> bytes:
+    """The data of a chunk."""
+    if chunk.compression == "zstd":
+        return _from_zstd(chunk.data)
+    if chunk.compression != "lz4":
+        return chunk.data
+    decompressor = LZ4FrameDecompressor()
+    data: bytes = decompressor.decompress(chunk.data, max_length=MAX_UNPACKED)
+    if not decompressor.eof:
+        raise ValueError(f"a chunk is cut off, or unpacks to more than {MAX_UNPACKED} bytes")
+    return data
+
+
+def _from_zstd(data: bytes) -> bytes:
+    """Unpacks a chunk or a message. A frame that declares its size is unpacked without regard to any limit."""
+    if frame_content_size(data) > MAX_UNPACKED:
+        raise ValueError(f"a chunk or message unpacks to more than {MAX_UNPACKED} bytes")
+    return ZstdDecompressor().decompress(data, max_output_size=MAX_UNPACKED)
 
 
 _Reader: TypeAlias = rosbag1.Reader | rosbag2.Reader | _McapFile
@@ -147,6 +194,9 @@ def read_bag(path: Path, *, topic: str | None = None, columns: Sequence[str] = (
                 readers.append(_opened(part, stack))
         found = [connection for reader in readers for connection in reader.connections]
         topic = _chosen_topic(found, topic, path)
+        encodings = {getattr(c.ext, "serialization_format", "ros1") for c in found if c.topic == topic}
+        for encoding in encodings - {"cdr", "ros1"}:
+            raise ValueError(f"{path}: topic '{topic}' has the encoding '{encoding}', expected cdr or ros1")
         declared = sum(connection.msgcount for connection in found if connection.topic == topic)
         check_length(declared, str(path))
         for part, reader in zip(parts, readers, strict=True):
@@ -252,9 +302,6 @@ def _decoder(connection: Connection) -> Callable[[bytes, str], Any]:
     """What decodes the messages of a connection."""
     if isinstance(connection.ext, ConnectionExtRosbag1):
         return _types(Stores.ROS1_NOETIC).deserialize_ros1
-    encoding = connection.ext.serialization_format
-    if encoding != "cdr":
-        raise ValueError(f"topic '{connection.topic}' has the encoding '{encoding}', expected cdr or ros1")
     return _types(Stores.ROS2_HUMBLE).deserialize_cdr
 
 
@@ -266,7 +313,7 @@ def _take_messages(reader: _Reader, topic: str, samples: _Samples) -> None:
     decoders = {connection.id: _decoder(connection) for connection in connections}
     for connection, logged, data in reader.messages(connections):
         if data.startswith(ZSTD):
-            data = ZstdDecompressor().decompress(data, max_output_size=MAX_RECORD)
+            data = _from_zstd(data)
         message = decoders[connection.id](data, connection.msgtype)
         frame, stamp, wrench = "", 0.0, message
         if connection.msgtype == STAMPED:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from experiments.trial.trial_result import TRUSTED_OVERLAP
@@ -159,7 +159,6 @@ def test_the_step_is_not_below_the_limit_of_a_scenario():
 
 @given(radius=RADII, ratio=RATIOS, fixture=st.sampled_from(FIXTURES), divisor=st.integers(1, 40))
 @example(radius=0.01, ratio=1.0001 * minimum_clearance(0.01) / 0.01, fixture="free", divisor=10)
-@settings(max_examples=40, deadline=None)
 def test_every_valid_scenario_gets_valid_numerics(radius, ratio, fixture, divisor):
     scenario = scenario_of(ratio, radius=radius, fixture=fixture)
     scenario.contact.modulus = 1e300
@@ -346,7 +345,6 @@ def test_sizes_that_a_file_does_not_state_follow_by_hand(sizes, expected):
 )
 @example(radius=0.03, ratio=0.2, depth=3.0, shape="section: rectangle, ", engine="exact")
 @example(radius=0.018, ratio=0.002, depth=5.0, shape="", engine="drake")
-@settings(max_examples=40, deadline=None)
 def test_every_geometry_of_the_range_is_a_valid_and_stable_scenario(radius, ratio, depth, shape, engine):
     assume(radius * depth + 0.009 < 0.1)  # what the haptic device reaches
     sizes = f"peg_radius: {radius}, hole_radius: {radius * (1.0 + ratio)}, hole_depth: {radius * depth}"

@@ -82,7 +82,7 @@ def min_on_strip(p, a, bottom, top):
 
 
 @pytest.mark.slow
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(poses)
 def test_the_gap_of_a_free_pose_equals_the_brute_force_distance(values):
     p, a = pose(*values)
@@ -99,7 +99,6 @@ def min_on_circle(f):
 
 
 @pytest.mark.slow
-@settings(max_examples=30, deadline=None)
 @given(poses)
 def test_the_overlap_equals_that_of_densely_sampled_circles(values):
     p, a = pose(*values)
@@ -125,7 +124,6 @@ def test_the_overlap_equals_that_of_densely_sampled_circles(values):
 
 
 @pytest.mark.slow
-@settings(max_examples=30, deadline=None)
 @given(poses)
 def test_contact_points_lie_on_both_bodies_and_normals_are_unit_vectors(values):
     p, a = pose(*values)

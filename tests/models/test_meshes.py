@@ -3,7 +3,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from models.meshes import (
@@ -73,7 +73,6 @@ def closed_volume(*, section, depth, chamfer, facets, block_radius, floor):
 
 
 @given(sizes=shapes)
-@settings(max_examples=40)
 def test_a_block_is_watertight_and_has_the_volume_of_the_closed_form(sizes):
     mesh = make_hole(**sizes)
     assert_watertight(mesh)
@@ -81,7 +80,6 @@ def test_a_block_is_watertight_and_has_the_volume_of_the_closed_form(sizes):
 
 
 @given(sizes=shapes)
-@settings(max_examples=40)
 def test_a_cut_block_is_watertight_and_has_its_share_of_the_volume(sizes):
     mesh, facets = make_hole(**sizes, cutaway=True), sizes["facets"]
     assert_watertight(mesh)

@@ -21,7 +21,7 @@ def test_one_gaussian_is_linear_regression():
     np.testing.assert_allclose(gmr_predict(means, covariances, [1.0], X, [0, 2], [3, 1]), expected)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 1000))
 def test_the_mean_is_that_of_the_conditional_density(seed):
     means, covariances, weights = mixture(seed, d=2)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2, multivariate_normal, multivariate_t
 
@@ -22,7 +22,6 @@ NU = 4.0
 
 
 @given(seed=st.integers(0, 2**31), d=st.integers(1, 8), M=st.integers(1, 5))
-@settings(max_examples=25, deadline=None)
 def test_quadratic_features_give_log_densities_and_moments(seed, d, M):
     components = random_components(seed, M, d)
     rng = np.random.default_rng(seed)

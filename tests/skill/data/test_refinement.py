@@ -47,7 +47,7 @@ def test_averaging_terminates_and_preserves_the_motion(actions, rough):
     np.testing.assert_allclose(smoothed.sum(axis=0), actions.sum(axis=0), atol=1e-9)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(action_arrays, st.floats(1e-320, 1e-12))
 def test_averaging_terminates_for_thresholds_below_rounding(actions, rough):
     assert np.isfinite(smooth_actions(actions, rough)).all()

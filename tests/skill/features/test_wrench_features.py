@@ -138,7 +138,7 @@ def test_hidden_features_follow_the_measured_ones(features):
     np.testing.assert_array_equal(both[:, :k], dut.transform(samples))
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(angles)
 def test_hidden_canonical_features_are_invariant_to_a_turn_of_the_scene(angle):
     samples = random_demonstration()

@@ -10,11 +10,11 @@ from contextlib import closing
 import numpy as np
 import pytest
 import yaml
-from mcap.writer import CompressionType
+from mcap.writer import CompressionType, IndexType
 from rosbags import rosbag2
 from rosbags.typesys import Stores, get_typestore
 
-from skill.recordings import column_table
+from skill.recordings import bag, column_table
 from skill.recordings.bag import REINDEX, read_bag
 from tests.skill.recordings.wrench_messages import (
     START,
@@ -301,6 +301,22 @@ def test_wrong_content_is_refused(tmp_path, statement, values, message):
     execute(path, statement, values)
     with pytest.raises(ValueError, match=rf"a\.db3: .*{message}"):
         read_bag(path)
+
+
+def test_a_topic_in_json_is_refused_by_its_encoding(tmp_path):
+    write_mcap(tmp_path / "a.mcap", series(), encoding="json")
+    with pytest.raises(ValueError, match=r"a\.mcap: topic '/ft' has the encoding 'json', expected cdr or ros1$"):
+        read_bag(tmp_path / "a.mcap")
+
+
+@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
+@pytest.mark.parametrize("index_types", [IndexType.ALL, IndexType.NONE])
+def test_a_chunk_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, compression, index_types):
+    write_mcap(tmp_path / "a.mcap", series(), compression=compression, index_types=index_types)
+    read_bag(tmp_path / "a.mcap")
+    monkeypatch.setattr(bag, "MAX_UNPACKED", 3000)
+    with pytest.raises(ValueError, match=r"a\.mcap: .*unpacks to more than 3000 bytes"):
+        read_bag(tmp_path / "a.mcap")
 
 
 def test_limits_and_missing_files(write, monkeypatch):

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from skill.recordings import column_table, csv_file
@@ -41,7 +41,6 @@ def test_a_file_of_pandas_is_read(tmp_path):
     assert found.phases.tolist() == table["phase"].tolist()
 
 
-@settings(deadline=None, max_examples=50)
 @given(
     values=st.lists(st.floats(-1e300, 1e300, allow_nan=False), min_size=6, max_size=6),
     layout=st.sampled_from([(",", "."), (";", "."), ("\t", "."), (";", ","), ("\t", ",")]),

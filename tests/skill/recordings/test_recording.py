@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from skill.recordings.recording import Recording
@@ -79,7 +79,6 @@ def test_a_gap_stays_a_gap():
 steps = st.lists(st.floats(1e-4, 0.3), min_size=2, max_size=60)
 
 
-@settings(deadline=None, max_examples=200)
 @given(steps=steps, rate=st.floats(0.5, 500), seed=st.integers(0, 99), start=st.sampled_from([0.0, -5.0, 1e6]))
 def test_averaging_irregular_samples(steps, rate, seed, start):
     rng = np.random.default_rng(seed)

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from skill.recordings.reading import read_recordings
@@ -101,7 +101,6 @@ tables = st.tuples(
 )
 
 
-@settings(deadline=None, max_examples=200)
 @given(dialects, tables)
 def test_a_table_is_read_right_or_refused(tmp_path_factory, dialect, table):
     step, rows = table

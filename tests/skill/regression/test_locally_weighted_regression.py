@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import statsmodels.api as sm
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.utils.estimator_checks import parametrize_with_checks
 from statsmodels.nonparametric.kernel_regression import KernelReg
@@ -278,7 +278,6 @@ def test_other_errors_name_the_remedy():
         dut.predict([[np.nan, 0.0, 0.0]])
 
 
-@settings(deadline=None, max_examples=40)
 @given(
     st.integers(1, 60),
     st.integers(1, 5),
@@ -301,7 +300,6 @@ def test_duplicates_constant_channels_and_few_samples_stay_finite(n, d, bandwidt
     assert np.all(lower <= upper)
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.floats(1e-3, 1e3), st.floats(-100, 100), st.integers(0, 1000))
 def test_scaling_features_with_their_bandwidth_and_shifting_outputs_commute_with_the_regression(factor, shift, seed):
     X, Y = wavy(80, 2, seed=seed)

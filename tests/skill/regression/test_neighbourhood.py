@@ -2,7 +2,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from skill.regression.neighbourhood import (
@@ -20,7 +20,6 @@ def naive(points, query, k):
     return set(np.argsort(((points - query) ** 2).sum(axis=1), kind="stable")[:k])
 
 
-@settings(deadline=None, max_examples=40)
 @given(
     st.integers(1, 300),
     st.integers(1, 6),

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from models.hardware import DcMotorParameters, WrenchSensorParameters
@@ -226,7 +226,6 @@ def test_spikes_in_different_seconds_are_no_fault():
             sample_once(dut, context, sample(n))
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 30), st.integers(0, 5), st.floats(-1e2, 1e2))
 def test_one_spike_of_any_size_and_place_is_never_a_fault(place, channel, size):
     dut = make_monitor(WrenchSensorParameters(force_range=[1e4] * 3, torque_range=[1e4] * 3))

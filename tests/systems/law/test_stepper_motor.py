@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from models.hardware import StepperMotorParameters
@@ -99,7 +99,6 @@ def test_a_move_has_a_trapezoidal_speed_and_ends_on_its_step(distance, rate, acc
     rate=st.floats(50, 3000),
     acceleration=st.floats(500, 1e5),
 )
-@settings(max_examples=30, deadline=None)
 def test_the_ramp_keeps_its_limits_and_arrives_for_any_targets(targets, rate, acceleration):
     position = speed = 0.0
     change = acceleration * PERIOD
