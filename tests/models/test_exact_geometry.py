@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from models.contact_search import BESIDE, GAP, NORMAL, POINT, SURFACE
@@ -54,41 +54,6 @@ def peg_surface(p, a, angle, s):
     radial = np.cos(angle)[..., None] * u + np.sin(angle)[..., None] * v
     size = r * np.clip(1.0 + s, 0.0, 1.0)
     return p + size[..., None] * radial + np.maximum(s, 0.0)[..., None] * a
-
-
-STRIPS = ((-1.0, 0.0), (0.0, 1e-4), (1e-4, 1e-3), (1e-3, 1e-2), (1e-2, 4e-2))
-
-
-def brute_force_distance(p, a):
-    """Minimum distance over the whole surface of the peg, on grids of angle and height that are refined."""
-    return min(min_on_strip(p, a, *ends) for ends in STRIPS)
-
-
-def min_on_strip(p, a, bottom, top):
-    def along_generatrix(t):
-        s, width = np.broadcast_to(np.linspace(bottom, top, 81), (len(t), 81)), (top - bottom) / 80
-        for _ in range(12):
-            d = distance_to_block(peg_surface(p, a, np.broadcast_to(t[:, None], s.shape), s))
-            best = np.take_along_axis(s, d.argmin(axis=1)[:, None], axis=1)
-            s, width = np.clip(best + width * np.linspace(-1, 1, 17), bottom, top), width / 8
-        return d.min(axis=1)
-
-    t, width = np.linspace(0, 2 * np.pi, 181), 2 * np.pi / 180
-    for _ in range(9):
-        d = along_generatrix(t)
-        starts = t[np.argsort(d)[:4]]
-        t, width = (starts[:, None] + width * np.linspace(-1, 1, 17)).ravel(), width / 8
-    return d.min()
-
-
-@pytest.mark.slow
-@settings(max_examples=10)
-@given(poses)
-def test_the_gap_of_a_free_pose_equals_the_brute_force_distance(values):
-    p, a = pose(*values)
-    gap = DUT.gap(p, a)[0]
-    if gap > 0:
-        assert gap == pytest.approx(brute_force_distance(p[0], a[0, :, 2]), abs=1e-9)
 
 
 def min_on_circle(f):

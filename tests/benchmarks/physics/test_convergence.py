@@ -5,10 +5,7 @@ import json
 import pytest
 
 from benchmarks.physics import convergence
-from benchmarks.physics.contact_measurements import CRAWLING, FIRM, PegTheory, crawl
-from benchmarks.physics.contact_probe import ContactProbe
 from benchmarks.physics.convergence import BEFORE, SLIDES, drake_case, main, measure, mujoco_cases
-from models.scenario import Scenario
 
 ACCURACY = ("depth_error", "moment_error", "overlap_um", "large_overlap_um", *SLIDES)
 
@@ -21,20 +18,6 @@ def test_the_default_is_at_least_as_accurate_as_before_and_overlaps_by_less_than
     assert abs(now["play_depth_error"]) < 1e-3
     assert now["large_overlap_um"] < 10.0
     assert now["cost_ms"] < 0.6 * before["cost_ms"]
-
-
-@pytest.mark.slow
-def test_a_chamfer_that_begins_at_the_mouth_pushes_against_a_sliding_peg():
-    """The force is 21 % too large, and less than half of that with the broken edge."""
-    scenario = Scenario()
-    sizes, friction = PegTheory.of(scenario), scenario.contact.friction
-    errors = {}
-    for sharp in (True, False):
-        probe = ContactProbe(scenario, sharp=sharp, **CRAWLING)
-        predicted, measured = crawl(probe, sizes, friction, lateral=0.0, moment=FIRM, depth=0.020)
-        errors[sharp] = measured.mean() / predicted - 1.0
-    assert errors[True] > 0.15
-    assert 0.0 < errors[False] < 0.5 * errors[True]
 
 
 @pytest.mark.slow

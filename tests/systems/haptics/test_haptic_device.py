@@ -102,37 +102,6 @@ def test_a_cold_motor_limits_the_wrench_to_its_peak_and_keeps_the_direction(pres
     np.testing.assert_allclose(rendered(*device(wrench=wrench, parameters=p)), wrench / 2.0, rtol=1e-12)
 
 
-def test_the_limit_after_one_period_is_that_of_the_formula():
-    wrench = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1000.0])
-    dut, context = device(wrench=wrench)
-    assert rendered(dut, context)[5] == pytest.approx(P.peak_force)
-    update(dut, context, period=T)
-    mean = T / P.thermal_time_constant * P.peak_force**2
-    p2, s2 = P.peak_force**2, P.sustained_force**2
-    assert rendered(dut, context)[5] == pytest.approx(math.sqrt(s2 + (p2 - s2) * (1 - mean / s2)))
-
-
-@pytest.mark.parametrize("part", [slice(0, 3), slice(3, 6)])
-def test_the_limit_falls_to_the_sustained_value_under_constant_load(part):
-    quick = HapticDeviceParameters(thermal_time_constant=0.1)
-    sustained = quick.sustained_torque if part.start == 0 else quick.sustained_force
-    wrench = np.zeros(6)
-    wrench[part] = 1000.0 * np.array([2.0, 1.0, -2.0]) / 3.0
-    dut, context = device(wrench=wrench, parameters=quick)
-    sizes = []
-    for _ in range(1500):
-        update(dut, context, period=T)
-        sizes.append(np.linalg.norm(rendered(dut, context)[part]))
-    assert (np.diff(sizes) <= 1e-12).all()
-    assert sizes[-1] == pytest.approx(sustained, rel=1e-3)
-    # After a few time constants without load the motor is cold again.
-    dut.GetInputPort("virtual_wrench").FixValue(context, np.zeros(6))
-    update(dut, context, period=T, times=1500)
-    dut.GetInputPort("virtual_wrench").FixValue(context, wrench)
-    peak = quick.peak_torque if part.start == 0 else quick.peak_force
-    assert np.linalg.norm(rendered(dut, context)[part]) == pytest.approx(peak, rel=1e-3)
-
-
 def test_the_load_is_the_larger_ratio_of_force_and_torque_to_their_limits():
     for torque, force, load in ((0.5, 0.25, 0.5), (0.25, 0.75, 0.75), (3.0, 2.0, 3.0), (0.0, 0.0, 0.0)):
         wrench = np.zeros(6)
@@ -154,3 +123,21 @@ def test_the_mean_squares_limit_force_and_torque_separately():
     assert device_.limit(force, np.array([0.0, 0.5 * s_f**2]))[4] == pytest.approx(half[1])
     assert device_.limit(force, np.array([0.0, 2.0 * s_f**2]))[4] == pytest.approx(s_f)
     assert device_.limit(force, np.array([2.0 * s_t**2, 0.0]))[4] == pytest.approx(P.peak_force)
+
+
+@pytest.mark.parametrize(
+    ("axis", "peak", "sustained"), [(1, P.peak_torque, P.sustained_torque), (5, P.peak_force, P.sustained_force)]
+)
+def test_the_limit_follows_the_mean_square_of_what_was_rendered(axis, peak, sustained):
+    """After a period under load the mean is a part of the square; it decays by that part in one without load."""
+    wrench, share = np.eye(6)[axis] * 1000.0, T / P.thermal_time_constant
+    dut, context = device(wrench=wrench)
+    assert rendered(dut, context)[axis] == pytest.approx(peak)
+    update(dut, context, period=T)
+    mean = share * peak**2
+    for left in (1.0, 1.0 - share):
+        limit = math.sqrt(sustained**2 + (peak**2 - sustained**2) * (1 - left * mean / sustained**2))
+        dut.GetInputPort("virtual_wrench").FixValue(context, wrench)
+        assert rendered(dut, context)[axis] == pytest.approx(limit, rel=1e-12)
+        dut.GetInputPort("virtual_wrench").FixValue(context, np.zeros(6))
+        update(dut, context, period=T)

@@ -97,16 +97,6 @@ def test_the_guide_acts_on_the_peg_and_not_on_the_probe():
     np.testing.assert_array_equal(dut.GetOutputPort("probe_wrench").Eval(context), np.zeros(6))
 
 
-def test_the_norm_of_the_quaternion_has_no_effect():
-    X_HP = pose([0.1, 0.2, -0.1], [0.001, 0.002, 0.003])
-    dut, context = proxy(FreeFixture(), X_HP=X_HP)
-    expected = dut.GetOutputPort("coupling_wrench").Eval(context).copy()
-    state = peg_state(X_HP)
-    state[:4] *= 1.01
-    dut.GetInputPort("peg_state").FixValue(context, state)
-    np.testing.assert_allclose(dut.GetOutputPort("coupling_wrench").Eval(context), expected, rtol=1e-9)
-
-
 # guides
 
 small = st.floats(-0.1, 0.1)

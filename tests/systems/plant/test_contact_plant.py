@@ -11,7 +11,6 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from experiments.trial.trial_set import trial_scenario
 from models.scenario import Geometry, Scenario
-from systems.law.wrench_sensor import WrenchSensor
 from systems.plant.contact_plant import (
     ALUMINIUM,
     MOUNT_MASS,
@@ -27,46 +26,31 @@ G = 9.81
 
 @pytest.fixture
 def scenario(quick_scenario):
-    quick_scenario.sensor.force_noise = quick_scenario.sensor.torque_noise = [0.0] * 3
-    quick_scenario.sensor.force_drift = quick_scenario.sensor.torque_drift = 0.0
-    quick_scenario.sensor.force_bias = quick_scenario.sensor.torque_bias = 0.0
     quick_scenario.rig.pivot_height = 0.0
-    quick_scenario.sensor.force_quantum = quick_scenario.sensor.torque_quantum = 1e-9
     return quick_scenario
 
 
 class Bench:
-    """The rig's plant and sensor with constant loads.
+    """The rig's plant with constant loads.
 
-    The feed holds all that the screw carries but for what the ``floor`` is to carry (N); the other loads are on the
-    gimbal (N m) and on the mount (N).
+    The feed holds all that the screw carries; the loads are on the mount (N).
     """
 
-    def __init__(self, scenario, *, floor=0.0, torques=(0.0, 0.0), lateral=(0.0, 0.0)):
+    def __init__(self, scenario, *, lateral=(0.0, 0.0)):
         builder = DiagramBuilder()
         self.contact = AddRigPlant(builder, scenario)
         self.scenario, self.plant = scenario, self.contact.plant
         plant = self.plant
         feed, gimbal = plant.GetModelInstanceByName("feed"), plant.GetModelInstanceByName("gimbal")
-        weight = plant.GetBodyByName("peg").default_mass() * plant.gravity_field().gravity_vector()
-        self.sensor = builder.AddSystem(
-            WrenchSensor(
-                parameters=scenario.sensor,
-                seed=0,
-                weld=int(plant.GetJointByName("sensor").index()),
-                tare=np.concatenate([-weight, np.zeros(3)]),
-            )
-        )
-        force = builder.AddSystem(ConstantVectorSource([self.hanging - floor]))
+        force = builder.AddSystem(ConstantVectorSource([self.hanging]))
         builder.Connect(force.get_output_port(), plant.get_actuation_input_port(feed))
         rest = builder.AddSystem(ConstantVectorSource(np.zeros(4)))
         builder.Connect(rest.get_output_port(), plant.get_desired_state_input_port(gimbal))
         applied = np.zeros(plant.num_velocities())
-        for name, load in zip(("pitch", "yaw", "mount_x", "mount_y"), (*torques, *lateral), strict=True):
+        for name, load in zip(("mount_x", "mount_y"), lateral, strict=True):
             applied[plant.GetJointByName(name).velocity_start()] = load
         loads = builder.AddSystem(ConstantVectorSource(applied))
         builder.Connect(loads.get_output_port(), plant.get_applied_generalized_force_input_port())
-        builder.Connect(plant.get_reaction_forces_output_port(), self.sensor.GetInputPort("reaction_forces"))
         self.simulator = Simulator(builder.Build())
 
     def settle(self, *, tip_z, seconds):
@@ -75,10 +59,6 @@ class Bench:
         self.plant.GetJointByName("feed").set_translation(own, self.scenario.sensor.height + tip_z)
         self.simulator.AdvanceTo(seconds)
         return own
-
-    def wrench(self):
-        root = self.simulator.get_context()
-        return self.sensor.GetOutputPort("wrench").Eval(self.sensor.GetMyContextFromRoot(root))
 
     @property
     def hanging(self):
@@ -150,33 +130,6 @@ def test_a_coasting_carriage_slows_down_by_its_viscous_friction(scenario):
     inertia = bench.hanging / G + scenario.feed.rotor_inertia * scenario.feed.ratio**2
     assert inertia == pytest.approx(2.58, abs=0.01)
     assert joint.get_translation_rate(own) == pytest.approx(0.05 * math.exp(-5.0 * 0.5 / inertia), rel=5e-3)
-
-
-def test_the_sensor_measures_the_moment_that_presses_the_wall_on_the_peg(scenario):
-    """The gimbal presses the wall of the hole on the upright peg; motor and contact share the applied torque."""
-    scenario.geometry.hole_depth, scenario.geometry.peg_length = 0.040, 0.070
-    scenario.stepper.holding_torque = 20.0  # so that it does not slip
-    scenario.rig.mount_stiffness = 1e7  # so that the peg does not yield
-    depth, stiffness = 0.036, scenario.stepper.stiffness
-    pressing = 3.0
-    g = scenario.geometry
-    torque = stiffness * g.clearance / depth + pressing
-    bench = Bench(scenario, torques=[torque, 0.0])
-    own = bench.settle(tip_z=-depth, seconds=0.5)
-    plant = bench.plant
-    motor = plant.get_net_actuation_output_port(plant.GetModelInstanceByName("gimbal")).Eval(own)[0]
-    assert motor == pytest.approx(-stiffness * plant.GetJointByName("pitch").get_angle(own), rel=1e-3)
-    wrench = bench.wrench()
-    tip = plant.EvalBodyPoseInWorld(own, bench.contact.peg).translation()
-    pivot = np.array([0.0, 0.0, scenario.rig.pivot_height])
-    about_pivot = wrench[3:] + np.cross(tip - pivot, wrench[:3])
-    block = plant.GetBodyByName("block")
-    centre = plant.EvalBodyPoseInWorld(own, block).multiply(block.CalcCenterOfMassInBodyFrame(own)) - pivot
-    weight = np.cross(centre, [0.0, 0.0, -G * block.default_mass()])[0]
-    assert about_pivot[0] == pytest.approx(torque + motor + weight, rel=0.01)
-    assert about_pivot[0] > 0.1 * pressing
-    # The lower end of the hole moves towards +y and pushes the peg in this direction.
-    assert wrench[1] > 0.5 * about_pivot[0] / depth
 
 
 # virtual environment

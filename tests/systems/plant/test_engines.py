@@ -103,3 +103,6 @@ def test_the_block_that_leans_on_the_peg_has_the_moment_of_its_contacts(scenario
     assert mouth.point[2] > end.point[2] > tip - 1e-3
     # The mount balances the contact. What is missing of the lateral force is friction around the peg.
     np.testing.assert_allclose(force[:2], -held[:2], atol=0.1 * mouth.force)
+    sensor = np.array([0.0, 0.0, tip + scenario.sensor.height])
+    moment = sum(np.cross(c.point - sensor, c.force * c.normal) for c in contacts.values())
+    np.testing.assert_allclose(moment[:2], -held[3:5], atol=0.1 * abs(moment[0]))
