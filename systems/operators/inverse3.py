@@ -20,7 +20,8 @@ import math
 import os
 import socket
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -75,8 +76,9 @@ class Inverse3:
             raise self._lost(error, remedy=f"is it running? Another address: {VARIABLE}=host:port") from error
         try:
             inventory = self._receive()
-            self._device_id = self._find_device(inventory)
-            self._grip = self._find_grip(inventory)
+            with self._understood(inventory):
+                self._device_id = self._find_device(inventory)
+                self._grip = self._find_grip(inventory)
             self._start = self._read(session={"configure": {"profile": {"name": "haptic-skill"}, "basis": BASIS}})
         except BaseException:
             self.close()
@@ -124,14 +126,12 @@ class Inverse3:
                 self._unread -= 1
             text = self._answer()
             self._unread = 0
-            message = json.loads(text)
+            message: dict[str, Any] = json.loads(text)
         except (OSError, WebSocketException) as error:
             late = self._is_closed or isinstance(error, TimeoutError | WebSocketTimeoutException)
             raise self._lost("it did not answer in time" if late else error) from error
         except ValueError as error:
             raise self._misunderstood(text) from error
-        if not isinstance(message, dict):
-            raise self._misunderstood(message)
         return message
 
     def _answer(self) -> str:
@@ -149,23 +149,21 @@ class Inverse3:
         """Returns the pose of the handle in V: its position (m) and the orientation of the grip."""
         self._send(**session)
         message = self._receive()
-        device = self._entry(message, "inverse3", self._device_id)
-        self._require_ready(device)
-        try:
+        with self._understood(message):
+            device = self._entry(message, "inverse3", self._device_id)
+            self._require_ready(device)
             position = _numbers(device["state"]["cursor_position"], "xyz")
             rotation = RotationMatrix()
             if self._grip is not None:
                 wxyz = _numbers(self._entry(message, *self._grip)["state"]["orientation"], "wxyz")
                 rotation = RotationMatrix(Quaternion(wxyz / max(float(np.linalg.norm(wxyz)), 0.5)))
-        except (KeyError, TypeError, ValueError, RuntimeError) as error:
-            raise self._misunderstood(message) from error
-        return RigidTransform(rotation, position)
+            return RigidTransform(rotation, position)
 
     def _find_device(self, inventory: dict[str, Any]) -> str:
-        devices = self._entries(inventory, "inverse3")
+        devices = inventory.get("inverse3", [])
         if len(devices) != 1:
             raise self._lost(f"it has {_listed(devices)}, expected one Inverse3: connect one only")
-        kind = _part(devices[0], "config").get("type")
+        kind = devices[0]["config"].get("type")
         if kind not in TYPES:
             raise self._lost(f"{devices[0]['device_id']} is {brief(kind)}, expected one of {TYPES}")
         self._require_ready(devices[0])
@@ -173,30 +171,31 @@ class Inverse3:
 
     def _find_grip(self, inventory: dict[str, Any]) -> tuple[str, str] | None:
         """Returns list and number of the grip, or None without one; a wireless one that is asleep is none."""
-        grips = [(kind, grip) for kind in GRIPS for grip in self._entries(inventory, kind) if _is_awake(grip)]
+        grips = [(kind, grip) for kind in GRIPS for grip in inventory.get(kind, []) if _is_awake(grip)]
         if len(grips) > 1:
             raise self._lost(f"it has {_listed([grip for _, grip in grips])}, expected one VerseGrip: connect one only")
         return (grips[0][0], str(grips[0][1]["device_id"])) if grips else None
 
-    def _entries(self, message: dict[str, Any], kind: str) -> list[dict[str, Any]]:
-        found = message.get(kind, [])
-        if not (
-            isinstance(found, list) and all(isinstance(e, dict) and isinstance(e.get("device_id"), str) for e in found)
-        ):
-            raise self._misunderstood(message)
-        return found
-
     def _entry(self, message: dict[str, Any], kind: str, device_id: str) -> dict[str, Any]:
-        for entry in self._entries(message, kind):
+        entry: dict[str, Any]
+        for entry in message.get(kind, []):
             if entry["device_id"] == device_id and (kind == "inverse3" or _is_awake(entry)):
                 return entry
         raise self._lost(f"{kind} {device_id} is disconnected")
 
     def _require_ready(self, device: dict[str, Any]) -> None:
-        status = _part(device, "status")
+        status = device.get("status", {})
         lacking = [name for name in ("ready", "calibrated", "power_supply") if status.get(name) is False]
         if lacking:
             raise self._lost(f"{device['device_id']} has not: {', '.join(lacking)}; see the Haply Hub")
+
+    @contextmanager
+    def _understood(self, message: object) -> Iterator[None]:
+        """Says of a message that does not have the parts which are read from it that it is not understood."""
+        try:
+            yield
+        except (AttributeError, KeyError, TypeError, ValueError, RuntimeError) as error:
+            raise self._misunderstood(message) from error
 
     def _misunderstood(self, found: Any) -> OSError:
         return self._lost(f"it sent {brief(found)}, expected the JSON protocol of version {_dotted(OLDEST)}")
@@ -238,13 +237,8 @@ def _listed(devices: list[dict[str, Any]]) -> str:
     return ", ".join(str(device["device_id"]) for device in devices) or "none"
 
 
-def _part(device: dict[str, Any], name: str) -> dict[str, Any]:
-    found = device.get(name)
-    return found if isinstance(found, dict) else {}
-
-
 def _is_awake(grip: dict[str, Any]) -> bool:
-    status = _part(grip, "status")
+    status = grip.get("status", {})
     return all(status.get(name) is not False for name in ("connected", "awake", "ready"))
 
 
