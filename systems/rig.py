@@ -28,11 +28,14 @@ from systems.law.wiring import (
     connect_monitors,
 )
 from systems.law.wrench_sensor import WrenchSensor
-from systems.plant.contact_plant import AddRigPlant, NominalBodies
+from systems.plant.contact_plant import AddRigPlant, HydroelasticRig, NominalBodies
 from systems.plant.exact_plant import ExactPlant
-from systems.plant.rig_plant import RigPlant, stepper_axes
+from systems.plant.rig_plant import stepper_axes
 from systems.recording.run_recorder import AddRunRecorder, RunRecorder
 from systems.rig_diagram import RigDiagram, start_angles
+
+RigPlant = HydroelasticRig | ExactPlant
+"""Carriage, mount, peg, gimbal and block. Both have the same ports, and the queries of a `PegCarrier`."""
 
 
 def MakeRig(scenario: Scenario, skill: RigPolicy) -> RigDiagram:
@@ -56,7 +59,8 @@ def AddEngine(builder: DiagramBuilder, scenario: Scenario) -> RigPlant:
     """Adds the mechanics of the rig in the engine that a resolved scenario names."""
     if scenario.contact.engine == "drake":
         return AddRigPlant(builder, scenario)
-    return ExactPlant.AddToBuilder(builder, scenario)
+    plant: ExactPlant = builder.AddNamedSystem("plant", ExactPlant(scenario))
+    return plant
 
 
 def WireRig(

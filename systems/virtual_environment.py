@@ -20,7 +20,7 @@ from systems.haptics.passivity_observer import PassivityObserver
 from systems.haptics.virtual_fixture import MakeFixture, VirtualFixture
 from systems.math.rotation import from_rotation_vector
 from systems.operators.simulated_operator import SimulatedOperator
-from systems.plant.peg_plant import AddPegPlant, PegPlant
+from systems.plant.exact_peg import AddPegPlant, PegPlant
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 
 

@@ -17,7 +17,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint, SpatialInertia, UnitInertia
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder
 
 from models.scenario import Scenario
 from skill.arrays import Array
@@ -119,8 +119,8 @@ class ContactProbe:
             frames = stages[k].body_frame(), stages[k + 1].body_frame()
             joint = plant.AddJoint(kind(name, *frames, np.array(axis, dtype=float)))
             joint.set_default_damping(float(drag[k]))
-        contact = finish_contact_plant(plant, scene_graph, scenario, stages[3], block, sharp=sharp)
-        self.plant: MultibodyPlant = contact.plant
+        finish_contact_plant(plant, scene_graph, scenario, stages[3], block, sharp=sharp)
+        self.plant = plant
         self.plant.set_stiction_tolerance(1e-6)  # m/s; a stuck contact creeps at up to this speed
         self.time_step = scenario.contact.time_step
         # Where two contacts of the wedge lie: between the corners of the polygons that stand for circles.
@@ -172,8 +172,7 @@ class ContactProbe:
 
     def touches(self) -> bool:
         """Whether the meshes overlap at the present pose."""
-        query = self.plant.get_geometry_query_input_port().Eval(self._own)
-        return bool(query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon))
+        return _touch(self.plant, self._own)
 
 
 class PosedMeshes:
@@ -189,7 +188,8 @@ class PosedMeshes:
         inertia = SpatialInertia(1.0, np.zeros(3), UnitInertia.SolidSphere(0.01))
         block, self._peg = (plant.AddRigidBody(name, inertia) for name in ("block", "peg"))
         plant.WeldFrames(plant.world_frame(), block.body_frame())
-        self._plant = finish_contact_plant(plant, scene_graph, scenario, self._peg, block).plant
+        finish_contact_plant(plant, scene_graph, scenario, self._peg, block)
+        self._plant = plant
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
         self._own = self._plant.GetMyMutableContextFromRoot(self._context)
@@ -197,5 +197,9 @@ class PosedMeshes:
     def touch(self, X_HP: RigidTransform) -> bool:
         """Whether the meshes overlap at a pose of the peg in H."""
         self._plant.SetFreeBodyPose(self._own, self._peg, X_HP)
-        query = self._plant.get_geometry_query_input_port().Eval(self._own)
-        return bool(query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon))
+        return _touch(self._plant, self._own)
+
+
+def _touch(plant: MultibodyPlant, context: Context) -> bool:
+    query = plant.get_geometry_query_input_port().Eval(context)
+    return bool(query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon))

@@ -73,7 +73,7 @@ class ForceMetrics:
 
         Args:
             wrench: true contact wrench (6,), as for `add_step`.
-            extent: see `RigPlant.contact_extent`.
+            extent: see `PegCarrier.contact_extent`.
         """
         fx, fy, fz, mx, my, mz = wrench
         load = load_of_components(fx, fy, fz, mx, my, mz, self.lever)

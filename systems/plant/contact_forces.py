@@ -130,7 +130,7 @@ def needs_contacts(load: float, extent: float, largest_load: float, largest_exte
 
     Args:
         load: of the true contact wrench, N.
-        extent: see `RigPlant.contact_extent`.
+        extent: see `PegCarrier.contact_extent`.
         largest_load: at a step whose contacts were read, N.
         largest_extent: likewise.
     """

@@ -73,7 +73,7 @@ class ContactPlant:
 
 @dataclass(frozen=True)
 class HydroelasticRig(ContactPlant):
-    """A finalised plant of the rig; implements `systems.plant.rig_plant.RigPlant`.
+    """A finalised plant of the rig; one of `systems.rig.RigPlant`.
 
     Attributes:
         scenario: resolved.
@@ -83,32 +83,32 @@ class HydroelasticRig(ContactPlant):
 
     @property
     def carriage_force(self) -> InputPort:
-        """See `RigPlant`."""
+        """Force of the motor on the carriage (1,), N, positive upwards."""
         return self.plant.get_actuation_input_port(self.plant.GetModelInstanceByName("feed"))
 
     @property
     def gimbal_equilibrium(self) -> InputPort:
-        """See `RigPlant`."""
+        """Equilibrium of the n steppers (2n,), in the order of `stepper_axes`: angles, rad, and then rates, rad/s."""
         return self.plant.get_desired_state_input_port(self.plant.GetModelInstanceByName("gimbal"))
 
     @property
     def carriage_state(self) -> OutputPort:
-        """See `RigPlant`."""
+        """State of the carriage (2,): position, m, and velocity, m/s."""
         return self.plant.get_state_output_port(self.plant.GetModelInstanceByName("feed"))
 
     @property
     def gimbal_state(self) -> OutputPort:
-        """See `RigPlant`."""
+        """State of the n axes of the block (2n,): their angles, rad, and then rates, rad/s."""
         return self.plant.get_state_output_port(self.plant.GetModelInstanceByName("gimbal"))
 
     @cached_property
     def reaction_forces(self) -> OutputPort:
-        """See `RigPlant`."""
+        """List of SpatialForce; element `sensor` is the force of the mount on the peg, at the mount, in P."""
         return self.plant.get_reaction_forces_output_port()
 
     @cached_property
     def sensor(self) -> int:
-        """See `RigPlant`."""
+        """Index of the sensor's weld joint in `reaction_forces`."""
         return int(self.plant.GetJointByName("sensor").index())
 
     @cached_property
@@ -117,11 +117,11 @@ class HydroelasticRig(ContactPlant):
 
     @property
     def weight(self) -> float:
-        """See `RigPlant`."""
+        """Weight of the peg, N."""
         return float(self.peg.default_mass() * np.linalg.norm(self.plant.gravity_field().gravity_vector()))
 
     def set_trial(self, context: Context, trial: Scenario) -> None:
-        """See `RigPlant`."""
+        """See `PegCarrier`."""
         pivot, own = _pivot_pose(trial), self.plant.GetMyMutableContextFromRoot(context)
         self.plant.GetFrameByName("pivot").SetPoseInParentFrame(own, pivot)
         self.plant.GetFrameByName("mouth").SetPoseInParentFrame(own, pivot.inverse())
@@ -134,30 +134,30 @@ class HydroelasticRig(ContactPlant):
                 self.scene_graph.AssignRole(scene, source, geometry, properties, RoleAssign.kReplace)
 
     def set_start(self, context: Context, *, carriage: float, angles: Sequence[float]) -> None:
-        """See `RigPlant`."""
+        """See `PegCarrier`."""
         own = self.plant.GetMyMutableContextFromRoot(context)
         self.plant.GetJointByName("feed").set_translation(own, carriage)
         for name, angle in zip(stepper_axes(self.scenario), angles, strict=True):
             self.plant.GetJointByName(name).set_angle(own, angle)
 
     def tip_height(self, context: Context) -> float:
-        """See `RigPlant`."""
+        """See `PegCarrier`."""
         own = self.plant.GetMyContextFromRoot(context)
         return float(self._feed.get_translation(own)) - self.scenario.sensor.height
 
     def peg_in_hole(self, context: Context) -> RigidTransform:
-        """See `RigPlant`."""
+        """See `PegCarrier`."""
         own = self.plant.GetMyContextFromRoot(context)
         return self.block.EvalPoseInWorld(own).inverse() @ self.peg.EvalPoseInWorld(own)
 
     def contact_extent(self, context: Context) -> float:
-        """See `RigPlant`: the area of the contact surfaces, m^2."""
+        """See `PegCarrier`: the area of the contact surfaces, m^2."""
         results = self.plant.get_contact_results_output_port().Eval(self.plant.GetMyContextFromRoot(context))
         surfaces = range(results.num_hydroelastic_contacts())
         return float(sum(results.hydroelastic_contact_info(k).contact_surface().total_area() for k in surfaces))
 
     def contacts(self, context: Context) -> list[Contact]:
-        """See `RigPlant`."""
+        """See `PegCarrier`."""
         own = self.plant.GetMyContextFromRoot(context)
         parts = hydroelastic_forces(
             self.plant, own, peg=self.peg, block=self.block, dissipation=self.scenario.contact.dissipation
@@ -168,7 +168,7 @@ class HydroelasticRig(ContactPlant):
 
 @dataclass(frozen=True)
 class HydroelasticPeg(ContactPlant):
-    """A finalised plant of the virtual environment; one of `systems.plant.peg_plant.PegPlant`.
+    """A finalised plant of the virtual environment; one of `systems.plant.exact_peg.PegPlant`.
 
     Attributes:
         pose: port of X_HP.
@@ -402,7 +402,7 @@ def finish_contact_plant(
     block: RigidBody,
     *,
     sharp: bool = False,
-) -> ContactPlant:
+) -> None:
     """Adds the collision and visual shapes of peg and block, and finalises the plant.
 
     Args:
@@ -422,7 +422,7 @@ def finish_contact_plant(
     plant.RegisterVisualGeometry(block, RigidTransform(), block_picture(g), "block_picture", BLOCK_COLOUR)
     if g.mates:  # only the exact engine, which has its own contact, takes several
         plant.Finalize()
-        return ContactPlant(plant, scene_graph, peg, block)
+        return
 
     rigid = ProximityProperties()
     AddRigidHydroelasticProperties(rigid)
@@ -442,7 +442,6 @@ def finish_contact_plant(
     plant.RegisterCollisionGeometry(peg, X_PC, solid, "peg", compliant)
 
     plant.Finalize()
-    return ContactPlant(plant, scene_graph, peg, block)
 
 
 def peg_shape(g: Geometry, scale: float = 1.0) -> tuple[RigidTransform, Shape]:

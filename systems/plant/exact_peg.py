@@ -9,7 +9,7 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, DiscreteValues, LeafSystem
 
 from compiled import compiled
 from models import Array
@@ -17,6 +17,7 @@ from models.contact_search import MAX_CONTACTS, Bodies, find_contacts
 from models.exact_geometry import TINY
 from models.scenario import Scenario
 from systems.math.rotation import free_body_pose
+from systems.plant.contact_plant import AddVirtualPlant, HydroelasticPeg
 from systems.plant.exact_contact import STEPS, match, solve_contacts, tangents
 
 
@@ -132,7 +133,7 @@ class ExactPeg(LeafSystem):
         - contact_wrench
         - pose
 
-    A `systems.plant.peg_plant.PegPlant` whose peg has the coupling's virtual mass and inertia, with its centre of mass
+    A `PegPlant` whose peg has the coupling's virtual mass and inertia, with its centre of mass
     at the tip. In every period, the contact time step of the scenario, it takes `STEPS` steps under
     the forces at its start. The discrete state has two groups: ``peg_state``, and what the contact was in the last
     step: torque and force on the peg at its tip, and the mean point of the normal forces, in H, (9,).
@@ -220,3 +221,15 @@ class ExactPeg(LeafSystem):
 
     def _calc_pose(self, context: Context, output: Value) -> None:
         output.set_value(free_body_pose(self._state(context)[:7]))
+
+
+PegPlant = HydroelasticPeg | ExactPeg
+"""A free peg and a fixed block, without gravity; H and W coincide. Both have the same ports and queries."""
+
+
+def AddPegPlant(builder: DiagramBuilder, scenario: Scenario) -> PegPlant:
+    """Adds the mechanics of peg and hole, in the engine that a scenario names."""
+    if scenario.contact.engine == "drake":
+        return AddVirtualPlant(builder, scenario)
+    plant: ExactPeg = builder.AddNamedSystem("plant", ExactPeg(scenario))
+    return plant

@@ -313,7 +313,7 @@ class ExactPlant(LeafSystem):
         - gimbal_state
         - reaction_forces
 
-    A `systems.plant.rig_plant.RigPlant`. In every period, the contact time step of the scenario, it takes `STEPS`
+    One of `systems.rig.RigPlant`. In every period, the contact time step of the scenario, it takes `STEPS`
     steps. The discrete state has three groups: positions and velocities of carriage, mount, gimbal and clocking stage,
     (12,); the mean force (N) and torque (N m) of the mount on the peg in the last period, at the mount, in P; and the
     sum of the normal forces of all contacts at its end, N. The single contacts are those of the step that would follow
@@ -348,20 +348,14 @@ class ExactPlant(LeafSystem):
             "reaction_forces", lambda: AbstractValue.Make([SpatialForce.Zero()]), self._calc_reaction, measurement
         )
 
-    @staticmethod
-    def AddToBuilder(builder: DiagramBuilder, scenario: Scenario) -> ExactPlant:
-        """Adds the plant of a resolved scenario; its bodies are those of `systems.plant.contact_plant.AddRigPlant`."""
-        plant: ExactPlant = builder.AddNamedSystem("plant", ExactPlant(scenario))
-        return plant
-
     def set_start(self, context: Context, *, carriage: float, angles: Sequence[float]) -> None:
-        """See `RigPlant`."""
+        """See `PegCarrier`."""
         start = np.zeros(2 * FREEDOMS)
         start[0], start[3 : 3 + len(angles)] = carriage, angles
         self.GetMyMutableContextFromRoot(context).SetDiscreteState(self._motion, start)
 
     def set_trial(self, context: Context, trial: Scenario) -> None:
-        """See `RigPlant`."""
+        """See `PegCarrier`."""
         own = self.GetMyMutableContextFromRoot(context)
         bodies, m = self._constants_in(own)
         bodies = bodies._replace(friction=trial.contact.friction)
@@ -369,22 +363,22 @@ class ExactPlant(LeafSystem):
         own.get_mutable_abstract_parameter(self._constants).set_value((bodies, m))
 
     def tip_height(self, context: Context) -> float:
-        """See `RigPlant`."""
+        """See `PegCarrier`."""
         own = self.GetMyContextFromRoot(context)
         return float(self._positions(own)[0]) - self._constants_in(own)[1].sensor
 
     def peg_in_hole(self, context: Context) -> RigidTransform:
-        """See `RigPlant`."""
+        """See `PegCarrier`."""
         own = self.GetMyContextFromRoot(context)
         R_WH, p_HP = tip_in_hole(self._constants_in(own)[1], self._positions(own))
         return RigidTransform(RotationMatrix(R_WH.T), p_HP)
 
     def contact_extent(self, context: Context) -> float:
-        """See `RigPlant`: the sum of the normal forces, N."""
+        """See `PegCarrier`: the sum of the normal forces, N."""
         return float(self.GetMyContextFromRoot(context).get_discrete_state(self._load).value()[0])
 
     def contacts(self, context: Context) -> list[Contact]:
-        """See `RigPlant`."""
+        """See `PegCarrier`."""
         own = self.GetMyContextFromRoot(context)
         _, _, (found, points, normals, forces) = self._advanced(own, 1)
         parts = NormalForces(points[:found], normals[:found], forces[:found])

@@ -1,4 +1,4 @@
-"""Defines the interface of the rig's mechanics, which is the same for every physics engine."""
+"""The axes of a rig, and what can be asked of the mechanics that carry peg and hole, whatever their engine."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, InputPort, OutputPort
+from pydrake.systems.framework import Context
 
 from models.scenario import Scenario
 from skill.data.axes import AXES
@@ -49,35 +49,3 @@ class PegCarrier(Protocol):
 
         Their normal forces, with friction, make up the contact wrench on the peg.
         """
-
-
-class RigPlant(PegCarrier, Protocol):
-    """Ports of carriage, mount, peg, gimbal and block."""
-
-    @property
-    def carriage_force(self) -> InputPort:
-        """Force of the motor on the carriage (1,), N, positive upwards."""
-
-    @property
-    def gimbal_equilibrium(self) -> InputPort:
-        """Equilibrium of the n steppers (2n,), in the order of `stepper_axes`: angles, rad, and then rates, rad/s."""
-
-    @property
-    def carriage_state(self) -> OutputPort:
-        """State of the carriage (2,): position, m, and velocity, m/s."""
-
-    @property
-    def gimbal_state(self) -> OutputPort:
-        """State of the n axes of the block (2n,): their angles, rad, and then rates, rad/s."""
-
-    @property
-    def reaction_forces(self) -> OutputPort:
-        """List of SpatialForce; element `sensor` is the force of the mount on the peg, at the mount, in P."""
-
-    @property
-    def sensor(self) -> int:
-        """Index of the sensor's weld joint in `reaction_forces`."""
-
-    @property
-    def weight(self) -> float:
-        """Weight of the peg, N."""

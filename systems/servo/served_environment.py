@@ -13,8 +13,7 @@ from models.scenario import Scenario
 from skill.arrays import Array
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from systems.plant.contact_forces import face_springs
-from systems.plant.exact_peg import ExactPeg
-from systems.plant.peg_plant import AddPegPlant
+from systems.plant.exact_peg import AddPegPlant, ExactPeg
 from systems.servo.local_contact import LocalContact, Springs
 from systems.servo.multirate_margins import require_multirate_margins
 from systems.servo.probe import Probe

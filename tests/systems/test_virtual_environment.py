@@ -11,7 +11,7 @@ from experiments.demonstration_run import run_demonstration
 from models.scenario import DEMONSTRATION_STREAM, parse_scenario, resolve_scenario
 from systems.haptics.haptic_proxy import HapticProxy
 from systems.haptics.virtual_fixture import MakeFixture
-from systems.plant.peg_plant import AddPegPlant
+from systems.plant.exact_peg import AddPegPlant
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.rig_diagram import start_angles
 from systems.virtual_environment import MakeVirtualEnvironment, start_pose
