@@ -154,7 +154,7 @@ def add_coupling(
     Their ports of the probe remain to be connected.
     """
     if fixture is None:
-        fixture = fixture_of(scenario)
+        fixture = MakeFixture(scenario)
     proxy = builder.AddNamedSystem(
         "haptic_proxy", HapticProxy(coupling=scenario.coupling, fixture=fixture, peg=plant.index)
     )
@@ -169,12 +169,6 @@ def add_coupling(
     builder.Connect(plant.peg_state, recorder.GetInputPort("peg_state"))
     builder.Connect(plant.contact_wrench, recorder.GetInputPort("contact_wrench"))
     return proxy, recorder, log
-
-
-def fixture_of(scenario: Scenario) -> VirtualFixture:
-    """Returns the virtual fixture of a resolved scenario."""
-    rig = scenario.rig
-    return MakeFixture(scenario.fixture, pivot_height=rig.pivot_height or 0.0, clocking_stage=rig.clocking_stage)
 
 
 def _make_operator(scenario: Scenario) -> SimulatedOperator:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
-from models.scenario import AXIAL_FIXTURE, FREE_FIXTURE, RIG_FIXTURE
+from models.scenario import AXIAL_FIXTURE, FREE_FIXTURE, RIG_FIXTURE, Scenario
 from systems.math.rotation import clocking_angle, rotation_vector
 
 
@@ -88,22 +88,12 @@ class AxialFixture:
         )
 
 
-def MakeFixture(name: str, *, pivot_height: float, clocking_stage: bool = False) -> VirtualFixture:
-    """Returns the fixture that a scenario names.
-
-    Args:
-        name: One of `models.scenario.FIXTURES`.
-        pivot_height: Height of the rig's pivot above the mouth, m.
-        clocking_stage: Whether the rig has one.
-
-    Raises:
-        ValueError: If ``name`` is unknown.
-    """
+def MakeFixture(scenario: Scenario) -> VirtualFixture:
+    """Returns the virtual fixture of a resolved scenario."""
+    rig = scenario.rig
     fixtures: dict[str, VirtualFixture] = {
         FREE_FIXTURE: FreeFixture(),
-        RIG_FIXTURE: RigFixture(pivot_height, clocking_stage=clocking_stage),
+        RIG_FIXTURE: RigFixture(rig.pivot_height or 0.0, clocking_stage=rig.clocking_stage),
         AXIAL_FIXTURE: AxialFixture(),
     }
-    if name not in fixtures:
-        raise ValueError(f"fixture is {name!r}, expected one of {sorted(fixtures)}")
-    return fixtures[name]
+    return fixtures[scenario.fixture]

@@ -428,8 +428,17 @@ def finish_contact_plant(
     AddRigidHydroelasticProperties(rigid)
     AddContactMaterial(friction=friction, properties=rigid)
     # In the other fixtures the peg cannot leave the hole's axis.
-    bore = _hole_mesh(g, edge, inside=scenario.fixture != FREE_FIXTURE)
-    plant.RegisterCollisionGeometry(block, RigidTransform(), bore, "bore", rigid)
+    bore = make_hole(
+        section=g.assembly.fits[0].hole,
+        depth=g.hole_depth,
+        chamfer=g.chamfer,
+        facets=g.facets,
+        block_radius=g.block_radius,
+        floor=g.floor,
+        edge=edge,
+        inside=scenario.fixture != FREE_FIXTURE,
+    )
+    plant.RegisterCollisionGeometry(block, RigidTransform(), _in_memory(bore.to_obj(), ".obj"), "bore", rigid)
 
     compliant = ProximityProperties()
     # Drake divides a cylinder into ceil(2 pi r / hint) facets; the factor prevents rounding up to one facet more.
@@ -462,18 +471,3 @@ def block_picture(g: Geometry) -> Mesh:
 
 def _in_memory(text: str, extension: str) -> Mesh:
     return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, extension, f"body{extension}")))
-
-
-def _hole_mesh(g: Geometry, edge: BrokenEdge | None, *, inside: bool) -> Mesh:
-    """Returns the mesh of the block; the arguments are those of `make_hole`."""
-    mesh = make_hole(
-        section=g.assembly.fits[0].hole,
-        depth=g.hole_depth,
-        chamfer=g.chamfer,
-        facets=g.facets,
-        block_radius=g.block_radius,
-        floor=g.floor,
-        edge=edge,
-        inside=inside,
-    )
-    return _in_memory(mesh.to_obj(), ".obj")

@@ -57,19 +57,5 @@ class Probe:
     def from_vector(cls, v: Array) -> Probe:
         """Returns the probe of a vector that `as_vector` has returned."""
         X_HD = RigidTransform(from_rotation_vector(v[4:7]), v[1:4])
-        load, energy, min_energy, gain, age = (float(value) for value in v[19:24])
-        ticks, late, stalls = (int(value) for value in v[24:27])
-        return cls(
-            time=float(v[0]),
-            X_HD=X_HD,
-            V_HD=v[7:13].copy(),
-            wrench=v[13:19].copy(),
-            load=load,
-            energy=energy,
-            min_energy=min_energy,
-            gain=gain,
-            age=age,
-            ticks=ticks,
-            late=late,
-            stalls=stalls,
-        )
+        counts = (int(value) for value in v[24:27])
+        return cls(float(v[0]), X_HD, v[7:13].copy(), v[13:19].copy(), *v[19:24].tolist(), *counts)

@@ -14,12 +14,13 @@ from models.scenario import Scenario
 from systems.haptics.haptic_device import HapticDevice
 from systems.haptics.haptic_proxy import HapticProxy
 from systems.haptics.passivity_observer import PassivityObserver
+from systems.haptics.virtual_fixture import MakeFixture
 from systems.servo.local_contact import LocalContact, Springs
 from systems.servo.local_peg import LocalPeg
 from systems.servo.multirate_margins import require_multirate_margins
 from systems.servo.probe import Probe
 from systems.servo.stale_contact_fade import StaleContactFade
-from systems.virtual_environment import connect_device, fixture_of
+from systems.virtual_environment import connect_device
 
 PEG = BodyIndex(1)
 """Stands for the peg in the proxy's forces; the servo has no plant."""
@@ -112,7 +113,7 @@ def MakeServo(scenario: Scenario, *, operator: LeafSystem, X_HP_start: RigidTran
     builder = DiagramBuilder()
     builder.AddNamedSystem("operator", operator)
     device = builder.AddNamedSystem("haptic_device", HapticDevice(parameters=parameters, X_HD_start=X_HP_start))
-    fixture = fixture_of(scenario)
+    fixture = MakeFixture(scenario)
     proxy = builder.AddNamedSystem("haptic_proxy", HapticProxy(coupling=scenario.coupling, fixture=fixture, peg=PEG))
     peg = builder.AddNamedSystem("local_peg", LocalPeg(scenario=scenario, period=period, X_HP_start=X_HP_start))
     fade = builder.AddNamedSystem("fade", StaleContactFade(period=period))

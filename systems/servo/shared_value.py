@@ -27,21 +27,11 @@ class SharedValue:
 
     def __init__(self, context: SpawnContext, size: int) -> None:
         self._memory: Any = context.RawArray("d", CHECKED + size)
-        self._view: Array | None = None
         self._read = 0.0
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The memory alone: each process has its own view of it."""
-        return {"_memory": self._memory, "_view": None, "_read": 0.0}
-
-    def _numbers(self) -> Array:
-        if self._view is None:
-            self._view = np.frombuffer(self._memory)
-        return self._view
 
     def write(self, value: Array) -> None:
         """Replaces the value; only one process may."""
-        numbers = self._numbers()
+        numbers = np.frombuffer(self._memory)
         written = numbers[0] + 1.0
         numbers[CHECKED:] = value
         numbers[1] = _checksum(written, value)
@@ -49,7 +39,7 @@ class SharedValue:
 
     def read_new(self) -> Array | None:
         """Returns the value if it is another one than at the last call, else None; also while it is being written."""
-        numbers = self._numbers()
+        numbers = np.frombuffer(self._memory)
         if numbers[0] == self._read:
             return None
         found = numbers.copy()

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from experiments.demonstration_run import run_demonstration
 from models.scenario import DEMONSTRATION_STREAM, parse_scenario, resolve_scenario
 from systems.haptics.haptic_proxy import HapticProxy
-from systems.haptics.virtual_fixture import MakeFixture
+from systems.haptics.virtual_fixture import FreeFixture
 from systems.plant.exact_peg import AddPegPlant
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.rig_diagram import start_angles
@@ -137,9 +137,7 @@ def test_the_peg_rests_where_coupling_and_floor_balance(quick_scenario, engine, 
     scenario.contact.engine = engine
     builder, depth = DiagramBuilder(), scenario.geometry.hole_depth
     plant = AddPegPlant(builder, scenario)
-    proxy = builder.AddSystem(
-        HapticProxy(coupling=scenario.coupling, fixture=MakeFixture("free", pivot_height=0.0), peg=plant.index)
-    )
+    proxy = builder.AddSystem(HapticProxy(coupling=scenario.coupling, fixture=FreeFixture(), peg=plant.index))
     probe = builder.AddSystem(ConstantValueSource(Value(RigidTransform([0.0, 0.0, -depth - 1e-3]))))
     still = builder.AddSystem(ConstantVectorSource(np.zeros(6)))
     builder.Connect(plant.peg_state, proxy.GetInputPort("peg_state"))

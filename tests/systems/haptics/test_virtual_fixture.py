@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
-from models.scenario import FIXTURES
+from models.scenario import FIXTURES, Scenario
 from systems.haptics.virtual_fixture import AxialFixture, FreeFixture, MakeFixture, RigFixture
 from systems.math.rotation import from_rotation_vector
 
@@ -16,12 +16,7 @@ tilts = st.tuples(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15))
 @pytest.mark.parametrize("name", FIXTURES)
 def test_every_fixture_name_of_a_scenario_gives_its_class(name):
     kinds = {"free": FreeFixture, "rig": RigFixture, "axial": AxialFixture}
-    assert type(MakeFixture(name, pivot_height=0.0)) is kinds[name]
-
-
-def test_the_error_for_an_unknown_fixture_lists_the_known_ones():
-    with pytest.raises(ValueError, match=r"'loose'.*axial.*free.*rig"):
-        MakeFixture("loose", pivot_height=0.0)
+    assert type(MakeFixture(Scenario(fixture=name))) is kinds[name]
 
 
 @given(
@@ -38,7 +33,7 @@ def test_the_rigs_deviation_is_the_distance_of_the_axis_from_the_centre_of_the_m
 @given(tilt=tilts, height=st.floats(-0.03, 0.01), pivot=st.floats(-0.003, 0.003))
 def test_the_rigs_deviation_is_zero_if_the_axis_passes_the_pivot(tilt, height, pivot):
     R = from_rotation_vector(np.array([*tilt, 0.0]))
-    dut = MakeFixture("rig", pivot_height=pivot)
+    dut = RigFixture(pivot)
     found = dut.deviation(RigidTransform(R, np.array([0.0, 0.0, pivot]) + (height - pivot) * R.col(2)))
     np.testing.assert_allclose(found.d_HQ, 0.0, atol=1e-15)
     np.testing.assert_array_equal(found.p_HQ, [0.0, 0.0, pivot])
@@ -54,11 +49,15 @@ def test_the_rigs_deviation_contains_the_spin_of_a_tilted_peg_about_its_axis(til
 
 def test_a_clocking_stage_leaves_the_angle_about_the_axis_to_the_hand():
     R = from_rotation_vector(np.array([0.03, -0.02, 0.0])) @ RotationMatrix.MakeZRotation(0.05)
-    found = MakeFixture("rig", pivot_height=0.001, clocking_stage=True).deviation(RigidTransform(R, [1e-4, 0.0, 0.0]))
-    held = MakeFixture("rig", pivot_height=0.001).deviation(RigidTransform(R, [1e-4, 0.0, 0.0]))
+    scenario, X_HP = Scenario(fixture="rig"), RigidTransform(R, [1e-4, 0.0, 0.0])
+    scenario.rig.pivot_height = 0.001
+    held = MakeFixture(scenario).deviation(X_HP)
+    scenario.rig.clocking_stage = True
+    found = MakeFixture(scenario).deviation(X_HP)
     np.testing.assert_array_equal(found.theta_H, np.zeros(3))
     assert found.guides_rotation.shape == (0, 3)
     np.testing.assert_array_equal(found.d_HQ, held.d_HQ)
+    np.testing.assert_array_equal(found.p_HQ, [0.0, 0.0, 0.001])
     assert held.theta_H @ R.col(2) == pytest.approx(0.05, rel=1e-3)
 
 
