@@ -161,14 +161,12 @@ class JammingTrials:
         moment: (n,), M / (r F_z).
         load: (n,), `jamming_load`; the peg is predicted to slide where it is below 1.
         slid: (n,), whether the simulated peg slid.
-        slenderness: lambda.
     """
 
     force: Array
     moment: Array
     load: Array
     slid: NDArray[np.bool_]
-    slenderness: float
 
     def agreement(self, margin: float = 0.05) -> float:
         """Share of correct predictions among the trials whose load differs from 1 by more than ``margin``."""
@@ -203,7 +201,7 @@ def jamming_trials(
     m = lam * two_point - friction * (1.0 + lam) * x
     probe = engine(converged(scenario, friction), mass=0.15, inertia=3e-5, damping=(5.0, 0.0, 0.05))
     slid = np.array([_slides(probe, sizes, depth, a, b, np.sign(s)) for a, b, s in zip(x, m, two_point, strict=True)])
-    return JammingTrials(x, m, jamming_load(x, m, slenderness=lam, friction=friction), slid, lam)
+    return JammingTrials(x, m, jamming_load(x, m, slenderness=lam, friction=friction), slid)
 
 
 def _slides(probe: PlanarProbe, sizes: PegTheory, depth: float, x: float, m: float, side: float) -> bool:

@@ -12,8 +12,7 @@ and `--driver mine` selects it; `--driver my_package.my_module:open_device` does
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Protocol
 
 import numpy as np
@@ -65,16 +64,19 @@ def find_device(name: str) -> Callable[[], LiveDevice]:
     Raises:
         ValueError: If there is none; the message lists the available names.
     """
-    path = PROVIDED.get(name, name)
-    if ":" in path:
-        return _imported(path)
     drivers = {point.name: point for point in entry_points(group=GROUP)}
+    drivers |= {own: EntryPoint(own, path, GROUP) for own, path in PROVIDED.items()}
+    if ":" in name:
+        drivers[name] = EntryPoint(name, name, GROUP)
     if name not in drivers:
         raise ValueError(
-            f"device driver '{name}' is not installed; found {sorted([*drivers, *PROVIDED])}; a package"
+            f"device driver '{name}' is not installed; found {sorted(drivers)}; a package"
             f" provides a driver through the entry point group '{GROUP}'"
         )
-    factory: Callable[[], LiveDevice] = drivers[name].load()
+    try:
+        factory: Callable[[], LiveDevice] = drivers[name].load()
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ValueError(f"device driver '{name}': cannot be imported ({error})") from error
     return factory
 
 
@@ -95,15 +97,6 @@ def check_preset(driver: str, scenario: Scenario) -> None:
             f"scenario.device is '{scenario.device}', expected '{preset}' with --driver {driver}:"
             f" use --scenario {preset}, or one with 'device: {preset}'"
         )
-
-
-def _imported(path: str) -> Callable[[], LiveDevice]:
-    module, _, name = path.partition(":")
-    try:
-        factory: Callable[[], LiveDevice] = getattr(import_module(module), name)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise ValueError(f"device driver '{path}': cannot be imported ({error})") from error
-    return factory
 
 
 class DeviceOperator(LeafSystem):

@@ -293,16 +293,8 @@ def test_the_seed_affects_both_the_sight_and_the_tremor():
 
 
 def test_the_noise_of_the_sight_has_its_standard_deviation():
-    sigmas = {"sight_noise": 0.002, "offset_noise": 0.0003}
-    o = person(**sigmas, align_gain=1.0, align_rate=100.0, correction_period=0.02, correction_time=0.02)
-    dut, context = operator(o)
-    strokes = []
-    for _ in range(1500):
-        before = hand(dut, context)
-        update(dut, context, period=o.decision_period)
-        after = hand(dut, context)
-        strokes.append(np.concatenate([after[0] - before[0], after[2] - before[2]]) / o.decision_period)
-    seen = -np.array(strokes[1:])
+    dut, _ = operator(person(sight_noise=0.002, offset_noise=0.0003))
+    seen = np.array([dut._look(tilted((0.0, 0.0)), tick=k)[:4] for k in range(1500)])
     sigma = np.repeat([0.002, 0.0003], 2)
     assert (np.abs(seen.mean(axis=0)) < 5 * sigma / math.sqrt(len(seen))).all()
     np.testing.assert_allclose(seen.std(axis=0), sigma, rtol=5 / math.sqrt(2 * len(seen)))
