@@ -54,7 +54,7 @@ from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import console, progress
 from skill.arrays import sequences
 from skill.data.demonstration import read_demonstrations
-from skill.features.wrench_features import MEASURED
+from skill.features.measurement import MEASURED
 from skill.recordings.reading import read_recordings
 from skill.recordings.recording import Recording
 from skill.states.contact_states import ContactStates

@@ -15,7 +15,7 @@ from models.assembly import Assembly
 from models.exact_geometry import ContactLabel, rotations_of_vectors
 from skill.data.demonstration import Demonstration
 from skill.data.geometry import PegHoleGeometry
-from skill.features.wrench_features import MEASURED
+from skill.features.measurement import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.states.state_naming import name_states
 

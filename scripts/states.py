@@ -206,7 +206,7 @@ def check_recordings(recordings: Sequence[Recording]) -> None:
     import numpy as np
 
     from interfaces.terminal import say
-    from skill.states.state_summary import GAP
+    from skill.states.state_style import GAP
 
     first = recordings[0]
     if len(recordings) < 2:

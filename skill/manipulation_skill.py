@@ -18,8 +18,8 @@ from skill.data.geometry import PegHoleGeometry, common_geometry
 from skill.data.outcome import Outcome
 from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, with_following_actions
 from skill.features.contact_features import ContactFeatures
-from skill.features.measurement import observed_series
-from skill.features.wrench_features import MEASURED, CanonicalFeatures, WrenchFeatures
+from skill.features.measurement import MEASURED, observed_series
+from skill.features.wrench_features import CanonicalFeatures, WrenchFeatures
 from skill.policy.imitation import FEED, N_TURNS, SPIN, Imitation, lowest_log_support
 from skill.policy.planner import Planner
 from skill.policy.planning_model import VALUE_TIME, PlanningModel

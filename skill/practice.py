@@ -41,8 +41,7 @@ from compiled import compiled
 from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import RigRun
-from skill.features.measurement import measurement, rig_observations
-from skill.features.wrench_features import MEASURED
+from skill.features.measurement import MEASURED, measurement, rig_observations
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy.imitation import FEED, N_TURNS
 from skill.policy.rig_policy import Action, PolicyT, WrappedPolicy

@@ -13,7 +13,8 @@ from compiled import compiled
 from skill.arrays import Array
 from skill.features.canonical_frame import canonical_angle, turned
 from skill.features.contact_features import ContactFeatures, contact_features
-from skill.features.wrench_features import MEASURED, CanonicalFeatures, canonical_features
+from skill.features.measurement import MEASURED
+from skill.features.wrench_features import CanonicalFeatures, canonical_features
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy.imitation import FEED, SPIN, ImitationNumbers, imitate
 from skill.policy.rig_policy import CarriedOver

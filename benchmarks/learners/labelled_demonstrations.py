@@ -14,7 +14,8 @@ from skill.arrays import Array
 from skill.data.demonstration import Demonstration
 from skill.data.refinement import refine_demonstration, with_following_actions
 from skill.features.contact_features import ContactFeatures
-from skill.features.wrench_features import MEASURED, CanonicalFeatures
+from skill.features.measurement import MEASURED
+from skill.features.wrench_features import CanonicalFeatures
 
 WRENCH_NOISE = np.repeat([0.06, 5e-3], 3)  # N, N m; standard deviations of the rig's sensor
 STILL, ROUGH = 2e-5, 4e-4  # m; settings of `refine_demonstration`

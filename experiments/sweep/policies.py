@@ -23,8 +23,7 @@ from experiments.sweep.specification import PolicyPlan
 from experiments.trial.trial_set import TrialSet
 from models.scenario import Scenario
 from skill.data.demonstration import Demonstration, read_demonstration
-from skill.features.measurement import observations
-from skill.features.wrench_features import MEASURED
+from skill.features.measurement import MEASURED, observations
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy.rig_policy import CarriedOver, RigPolicy
 from skill.states.estimate import estimates

@@ -21,7 +21,7 @@ from skill.arrays import Array
 from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.outcome import Ending, Outcome
 from skill.data.tables import TooShortError
-from skill.features.wrench_features import MEASURED
+from skill.features.measurement import MEASURED
 from skill.policy.policy_observer import PolicyObserver
 from skill.policy.query_state import QueryState
 from skill.policy.rig_policy import RigPolicy

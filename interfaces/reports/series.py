@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skill.arrays import Array
-from skill.states.state_summary import GAP
+from skill.states.state_style import GAP
 
 TICKS = 1e4
 """Units of the horizontal axis of a drawing in a second."""

@@ -10,7 +10,10 @@ from numpy.typing import ArrayLike
 
 from compiled import compiled
 from skill.arrays import Array
-from skill.features.wrench_features import MEASURED
+
+MEASURED = ("fx", "fy", "fz", "mx", "my", "mz", "z")
+"""What the rig measures: the wrench on the peg about its tip, expressed in P (N, N m), and the height of the tip above
+the mouth, (p_HP)_z (m), which is minus the insertion depth."""
 
 
 def measurement(wrench: ArrayLike, depth: ArrayLike) -> Array:

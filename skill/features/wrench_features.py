@@ -30,10 +30,7 @@ from compiled import compiled
 from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
 from skill.features.canonical_frame import canonical_angle, canonical_angles, turned, turned_rows
-
-MEASURED = ("fx", "fy", "fz", "mx", "my", "mz", "z")
-"""What the rig measures: the wrench on the peg about its tip, expressed in P (N, N m), and the height of the tip above
-the mouth, (p_HP)_z (m), which is minus the insertion depth."""
+from skill.features.measurement import MEASURED
 
 HIDDEN = ("x", "y", "rotation_x", "rotation_y", "rotation_z", "dangle")
 """What only demonstrations contain: the lateral position of the tip, the rotation vector of R_HP, the rotation step."""

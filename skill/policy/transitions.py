@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from skill.arrays import Array
 from skill.features.canonical_frame import turned_rows
-from skill.features.wrench_features import MEASURED, WrenchFeatures
+from skill.features.measurement import MEASURED
+from skill.features.wrench_features import WrenchFeatures
 
 HORIZON = 0.1
 """Time between the two observations, s: long for the noise of the sensor, short for the motion of the contact."""

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skill.arrays import Array
-from skill.features.wrench_features import MEASURED, WrenchFeatures
+from skill.features.measurement import MEASURED
+from skill.features.wrench_features import WrenchFeatures
 from skill.states.contact_state_filter import ContactStateFilter
 
 

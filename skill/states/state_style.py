@@ -1,4 +1,4 @@
-"""Names and colours of contact states, the same in figures and replays."""
+"""Names, colours and gaps of contact states, the same in figures, tables and replays."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ PALETTE = (
     "#7F7F7F",  # grey
 )
 """Colours that people with the common kinds of colour blindness can distinguish, all visible on white."""
+
+GAP = 5.0
+"""A time between two samples is a gap if it is longer than so many median ones; it then counts as one of these."""
 
 TINTS = (1.0, 0.55, 0.3)
 """Strengths of the palette's colours: the first states have the full colours, later ones lighter tints."""

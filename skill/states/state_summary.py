@@ -14,6 +14,7 @@ from skill.recordings.channel_groups import channel_groups
 from skill.recordings.columns import FORCES, MOMENTS
 from skill.recordings.recording import Recording
 from skill.states.state_graph import StateGraph, Visits
+from skill.states.state_style import GAP
 
 LOW, HIGH = 0.1, 0.9
 """Quantiles between which a range lies."""
@@ -32,9 +33,6 @@ STEADY = 0.5
 
 NOTABLE_AXIS = 0.4
 """An axis is part of a direction if its component is at least this share of the length."""
-
-GAP = 5.0
-"""A time between two samples is a gap if it is longer than so many median ones; it then counts as one of these."""
 
 UNUSED = "never the most probable"
 _END = "end"

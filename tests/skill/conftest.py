@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from skill.features.wrench_features import MEASURED
+from skill.features.measurement import MEASURED
 
 
 @pytest.fixture(scope="session")

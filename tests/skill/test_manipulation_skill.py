@@ -11,7 +11,8 @@ from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.demonstration import ACTIONS, read_demonstrations, write_demonstration
 from skill.data.refinement import INTENDED, intended_actions, refine_demonstration
 from skill.features.contact_features import ContactFeatures
-from skill.features.wrench_features import MEASURED, CanonicalFeatures, RawFeatures
+from skill.features.measurement import MEASURED
+from skill.features.wrench_features import CanonicalFeatures, RawFeatures
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy.imitation import quartiles_of
 from skill.regression.locally_weighted_regression import LWRegressor, local_prediction

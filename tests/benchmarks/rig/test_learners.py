@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.rig.learners import Extrapolating, RandomSign, ShuffledNeighbour
-from skill.features.wrench_features import MEASURED
+from skill.features.measurement import MEASURED
 
 
 def test_shuffled_actions_are_the_demonstrated_ones_in_another_order():

@@ -22,8 +22,7 @@ from models.exact_geometry import ContactLabel
 from skill.data.geometry import PegHoleGeometry
 from skill.data.outcome import Outcome
 from skill.data.rig_run import CONTACT_COLUMNS
-from skill.features.measurement import observed_series
-from skill.features.wrench_features import MEASURED
+from skill.features.measurement import MEASURED, observed_series
 from skill.states.estimate import estimates
 from tests.trajectories import GEOMETRY, make_demonstration, make_rig_run
 

@@ -11,13 +11,8 @@ from sklearn.utils.estimator_checks import check_estimator
 from skill.data.demonstration import CHANNELS
 from skill.data.geometry import PegHoleGeometry
 from skill.features.contact_features import ContactFeatures
-from skill.features.wrench_features import (
-    HIDDEN,
-    MEASURED,
-    CanonicalFeatures,
-    NormalisedFeatures,
-    RawFeatures,
-)
+from skill.features.measurement import MEASURED
+from skill.features.wrench_features import HIDDEN, CanonicalFeatures, NormalisedFeatures, RawFeatures
 
 ALL = [RawFeatures, NormalisedFeatures, CanonicalFeatures, ContactFeatures]
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from skill.features.measurement import observed_series
-from skill.features.wrench_features import MEASURED
+from skill.features.measurement import MEASURED, observed_series
 from skill.policy.policy_observer import PolicyObserver
 from skill.states.estimate import estimates
 

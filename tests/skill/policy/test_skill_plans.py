@@ -11,7 +11,7 @@ from sklearn.linear_model import LinearRegression
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.geometry import PegHoleGeometry
 from skill.features.contact_features import ContactFeatures
-from skill.features.wrench_features import MEASURED
+from skill.features.measurement import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import planner
 from skill.policy.planning_model import VALUE_TIME

@@ -7,7 +7,7 @@ from pydrake.common.value import Value
 
 from models.control import BackOffParameters, ControllerParameters, ForceGuardParameters
 from models.scenario import Scenario
-from skill.features.wrench_features import MEASURED
+from skill.features.measurement import MEASURED
 from skill.policy.rig_policy import Action
 from skill.states.estimate import Estimate
 from systems.law.back_off import BackOffState
