@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -14,7 +13,6 @@ import pandas as pd
 from experiments.scoreboard.columns import COLUMNS, Column
 from experiments.scoreboard.paired_statistics import MIN_UNITS, holm, sign_flip_test, wilson, wilson_over_sets
 from experiments.scoreboard.result_store import Origin, Trials
-from skill.data.files import one_line, parse_object
 
 PRODUCT = "CA states + LWR"
 """The policy with which the others are compared by default, if it is there."""
@@ -228,14 +226,13 @@ def make_scoreboard(found: Trials, against: str | None = None) -> Scoreboard:
             insertions.
 
     Raises:
-        ValueError: if there is no such policy, or the factors of a trial are no JSON object.
+        ValueError: if there is no such policy.
     """
     table = found.table
     reference = _reference(table, against)
     tables = []
     for names, rows in table.groupby(["trial_set", "engine", "factors"], observed=True):
         cell = Cell(*map(str, names))
-        _check_factors(cell.factors, found.folder)
         tables.append(_table(cell, rows, reference))
     tables.sort(key=lambda item: item.cell.order())
     origin = {known.name: getattr(found, known.name) for known in fields(Origin)}
@@ -331,14 +328,6 @@ def _reference(table: pd.DataFrame, against: str | None) -> str:
         return PRODUCT
     shares = table.groupby("policy", observed=True)["inserted"].mean()
     return str(shares.idxmax())
-
-
-def _check_factors(factors: str, folder: Path) -> None:
-    try:
-        parse_object(factors)
-    except ValueError as error:
-        found = f"'factors' of a trial is {factors!r:.60} ({one_line(error)})"
-        raise ValueError(f"{folder}: {found}, expected a JSON object such as {{}}") from None
 
 
 def _is_number(value: object) -> bool:

@@ -33,7 +33,8 @@ def test_a_summary_is_worked_by_hand(tmp_path):
         jam | {"back_offs": 5, "trusted": None},
         fault,
     ]
-    s = only_row(write_trials(tmp_path, rows).parents[4]).summary
+    write_trials(tmp_path, rows)
+    s = only_row(tmp_path).summary
     assert (s.trials, s.inserted, s.untrusted) == (4, 2, 1)
     assert s.faults == {"motor stalled": 1}
     expected = {
@@ -48,27 +49,17 @@ def test_a_summary_is_worked_by_hand(tmp_path):
     assert np.isnan([s.numbers[name] for name in ("training", "query", "shown")]).all()
 
 
-@pytest.mark.parametrize("wins", [[2, 1, 1, 0], [0, 2, 1], [2, 2]])
-def test_the_interval_is_that_over_the_sets(tmp_path, wins):
+@pytest.mark.parametrize("wins", [[2, 1, 1, 0], [0, 2, 1], [2, 2], [1]])
+def test_the_interval_is_that_over_the_sets_and_a_single_one_has_none(tmp_path, wins):
     rows = [
         ({} if k < won else FAILED) | {"trial": 2 * number + k, "demonstration_set": number}
         for number, won in enumerate(wins)
         for k in range(2)
     ]
-    s = only_row(write_trials(tmp_path, rows).parents[4]).summary
+    write_trials(tmp_path, rows)
+    s = only_row(tmp_path).summary
     assert s.numbers["sets"] == len(wins)
-    assert s.interval == pytest.approx(wilson_over_sets(wins, [2] * len(wins)))
-
-
-def test_a_single_set_has_no_interval_for_others(tmp_path):
-    write_trials(tmp_path, [{"demonstration_set": 5}, FAILED | {"demonstration_set": 5}])
-    assert only_row(tmp_path).summary.interval is None
-
-
-def test_a_policy_without_insertions_has_no_time(tmp_path):
-    s = only_row(write_trials(tmp_path, [FAILED, FAILED]).parents[4]).summary
-    assert np.isnan(s.numbers["time"])
-    assert s.inserted == 0
+    assert s.interval == (pytest.approx(wilson_over_sets(wins, [2] * len(wins))) if len(wins) > 1 else None)
 
 
 # ------------------------------------------------------------ comparison
@@ -160,13 +151,3 @@ def test_trials_are_compared_under_the_same_factors_only(tmp_path):
     tables = board_of(tmp_path).tables
     assert [len(table.rows) for table in tables] == [1, 2]
     assert tables[1].rows[1].paired is None  # trial 0 of one, trial 1 of the other
-
-
-NESTED, DIGITS = "[" * 3000 + "]" * 3000, "9" * 400
-
-
-@pytest.mark.parametrize("text", ["", "[]", "3", "mu=0.2", NESTED, f'{{"mu": {NESTED}}}', f'{{"mu": {DIGITS}}}'])
-def test_factors_that_are_no_object_are_refused(tmp_path, text):
-    write_trials(tmp_path, [{"factors": text}])
-    with pytest.raises(ValueError, match=r"^.{1,400}expected a JSON object.{1,20}$"):
-        board_of(tmp_path)
