@@ -80,7 +80,7 @@ def main(
         named_errors,
         require_distinct,
     )
-    from experiments.outputs.output_set import PRACTICE, SetIndex, open_set, read_index, remove_own_folder
+    from experiments.outputs.output_set import PRACTICE, SetIndex, open_set, read_index, remove_set
     from experiments.practice_rounds import Practice, improve, trial_names
     from experiments.provenance import versions
     from experiments.trial.run_trial import run_trial
@@ -107,7 +107,7 @@ def main(
     work, finished = out.with_name(f"{out.name}.unfinished"), out.with_name(f".{out.name}.finished")
     with locked_file(out):
         remove_unfinished(out.parent, [trials_file.name, figure_file.name])
-        remove_own_folder(finished)
+        remove_set(finished)
         old = read_index(work)
         if old is not None and old.kind is PRACTICE and old.request != request and old.finished(work):
             raise ValueError(
@@ -115,7 +115,7 @@ def main(
                 " go on with it, remove the folder, or choose another --out"
             )
         if old != index:
-            remove_own_folder(work)
+            remove_set(work)
         with open_set(work, index, overwrite=False) as files:
             if files.finished:
                 say(f"{len(files.finished)} of {len(index.items)} trials are there already")
@@ -144,7 +144,7 @@ def main(
             with named_errors(out, files.kept()):
                 done[-1].skill.save(out)  # last, so that a failure leaves the old skill
             work.rename(finished)  # at once, so that no half of it can be taken for an unfinished practice
-        remove_own_folder(finished)
+        remove_set(finished)
     show(round_table(done))
     show(change_table(changes, before, after))
     say(f"all trials in {trials_file}; skill in {out}")

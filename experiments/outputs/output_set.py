@@ -26,7 +26,8 @@ from skill.data.rig_run import read_rig_run
 INDEX_VERSION = 1
 MAX_INDEX_SIZE = 50_000_000  # bytes; a hundred thousand trials need 6 MB
 
-NEW, READY = ".new", ".ready"
+NEW, READY = ".haptic-skill-new", ".haptic-skill-ready"
+"""Hidden folders within a folder, of a set that will replace another."""
 
 
 def read_result(path: Path) -> TrialResult:
@@ -211,7 +212,7 @@ def open_set(folder: Path, index: SetIndex, *, overwrite: bool) -> Iterator[Outp
             with ``overwrite``; without it there is nothing left to do.
 
     Raises:
-        ValueError: see `check_set`; or a hidden folder holds what this program did not write.
+        ValueError: see `check_set`.
         OSError: if another process holds the folder, or it cannot be written.
     """
     with locked_folder(folder):
@@ -222,7 +223,7 @@ def open_set(folder: Path, index: SetIndex, *, overwrite: bool) -> Iterator[Outp
             if not is_same or (overwrite and old.is_complete(folder)):
                 place = folder / NEW
         if place != folder and read_index(place) != index:
-            remove_own_folder(place)  # of an interrupted --overwrite with another request
+            remove_set(place)  # of an interrupted --overwrite with another request
         for known in {folder, place}:
             remove_unfinished(known, [*index.names, *(old.names if old is not None else ()), INDEX_NAME])
         yield OutputSet(folder, place, index)
@@ -252,15 +253,10 @@ def check_set(folder: Path, index: SetIndex, *, overwrite: bool) -> SetIndex | N
 
 
 def finish_replacement(folder: Path) -> None:
-    """Finishes the replacement of a set that was interrupted, if there is one. The caller holds the folder.
-
-    Raises:
-        ValueError: if the hidden folder ``READY`` holds what this program did not write there.
-    """
+    """Finishes the replacement of a set that was interrupted, if there is one. The caller holds the folder."""
     ready = folder / READY
-    if not ready.exists() and not ready.is_symlink():
+    if not ready.exists():
         return
-    check_own_folder(ready)
     old, new = read_index(folder), read_index(ready)  # the index moves last
     if new is not None:
         items = set(new.items)
@@ -272,35 +268,19 @@ def finish_replacement(folder: Path) -> None:
             if (ready / name).exists():
                 (ready / name).replace(folder / name)
         (ready / INDEX_NAME).replace(folder / INDEX_NAME)
-    remove_own_folder(ready)
+    remove_set(ready)
 
 
-def check_own_folder(folder: Path) -> set[str]:
-    """Returns the names of the files of a set that a folder may hold; a missing or empty folder is one too.
+def remove_set(folder: Path) -> None:
+    """Removes the files of a set, its index last, so that what an interruption leaves goes too, and their folder.
 
     Raises:
-        ValueError: if it holds another file, or is not a folder. The message names it.
+        OSError: if the folder holds another file, which stays.
     """
-    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
-        raise ValueError(f"{folder}: a name that this program needs for a folder; move it away")
     index = read_index(folder)
-    names = {INDEX_NAME, LOCK_NAME, *(index.names if index is not None else ())}
+    names = [LOCK_NAME, *(index.names if index is not None else ()), INDEX_NAME]
     remove_unfinished(folder, names)
-    others = sorted({path.name for path in folder.glob("*")} - names)
-    if others:
-        raise ValueError(
-            f"{folder}: holds {others[0]}, which this program did not write there; move the folder or the file away"
-        )
-    return names
-
-
-def remove_own_folder(folder: Path) -> None:
-    """Removes a folder that holds a set, or is empty; the index last, so that what an interruption leaves goes too.
-
-    Raises:
-        ValueError: see `check_own_folder`.
-    """
-    for name in sorted(check_own_folder(folder), key=lambda name: name == INDEX_NAME):
+    for name in names:
         (folder / name).unlink(missing_ok=True)
     if folder.exists():
         folder.rmdir()
