@@ -125,8 +125,8 @@ def read_trials(folder: Path, advance: Callable[[str], None] = lambda _: None) -
     replaced = len(of_code) - len(kept)
     return Trials(
         folder=folder,
-        codes=newest.to_dict(),
-        left_out=table["code"][~is_newest].value_counts().to_dict(),
+        codes={str(engine): str(digest) for engine, digest in newest.items()},
+        left_out={str(digest): count for digest, count in table["code"][~is_newest].value_counts().items()},
         replaced=replaced,
         skills=skills if replaced else (),
         published=any(path.name == PUBLISHED for path in paths),
@@ -176,7 +176,7 @@ def _read_file(path: Path, root: Path) -> pd.DataFrame:
     if tuple(name for name, _, _ in pairs) != PARTITIONS:
         raise ValueError(f"{path}: not a file of trials; expected {_pattern(root)}")
     with named_parquet_errors(path, "file of trials"):
-        rows = pq.ParquetFile(path).read(columns=STORED.names).cast(STORED).to_pandas()
+        rows: pd.DataFrame = pq.ParquetFile(path).read(columns=STORED.names).cast(STORED).to_pandas()
         began = pd.to_datetime(rows["began"], utc=True, format="ISO8601")
     return rows.assign(began=began, **{name: unquote(value) for name, _, value in pairs})
 
