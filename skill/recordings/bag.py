@@ -7,6 +7,7 @@ import sqlite3
 import struct
 import warnings
 from array import array
+from bz2 import BZ2Decompressor
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field, replace
@@ -31,6 +32,8 @@ from rosbags.interfaces import (
     MessageDefinition,
     MessageDefinitionFormat,
 )
+from rosbags.rosbag1 import reader as rosbag1_reader
+from rosbags.rosbag2 import storage_mcap
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.msg import normalize_msgtype
 from rosbags.typesys.store import Typestore
@@ -77,8 +80,7 @@ MAX_RECORD = 100_000_000
 """Largest number of bytes of a record of MCAP; usual chunks have some megabytes."""
 
 MAX_UNPACKED = 200_000_000
-"""Largest number of bytes to which a chunk of MCAP or a message may unpack."""
-
+"""Largest number of bytes to which a chunk or a message may unpack."""
 
 NO_DEFINITION = MessageDefinition(MessageDefinitionFormat.NONE, "")
 
@@ -129,7 +131,9 @@ class _McapFile:
         """Yields the records outside of chunks, and those of each chunk that may have messages of the channels."""
         for record in self._indexed(channels) if self._chunks else self._all():
             if isinstance(record, Chunk):
-                yield from breakup_chunk(replace(record, compression="", data=_unpacked(record)), validate_crc=True)
+                packing, size, crc = record.compression, record.uncompressed_size, record.uncompressed_crc
+                data = storage_mcap.decompress(record.data, packing, size, crc)
+                yield from breakup_chunk(replace(record, compression="", data=data))
             else:
                 yield record
 
@@ -144,24 +148,31 @@ class _McapFile:
         return StreamReader(self._stream, emit_chunks=True, record_size_limit=MAX_RECORD).records
 
 
-def _unpacked(chunk: Chunk) -> bytes:
-    """The data of a chunk."""
-    if chunk.compression == "zstd":
-        return _from_zstd(chunk.data)
-    if chunk.compression != "lz4":
-        return chunk.data
-    decompressor = LZ4FrameDecompressor()
-    data: bytes = decompressor.decompress(chunk.data, max_length=MAX_UNPACKED)
-    if not decompressor.eof:
-        raise ValueError(f"a chunk is cut off, or unpacks to more than {MAX_UNPACKED} bytes")
-    return data
-
-
 def _from_zstd(data: bytes) -> bytes:
     """Unpacks a chunk or a message. A frame that declares its size is unpacked without regard to any limit."""
     if frame_content_size(data) > MAX_UNPACKED:
         raise ValueError(f"a chunk or message unpacks to more than {MAX_UNPACKED} bytes")
     return ZstdDecompressor().decompress(data, max_output_size=MAX_UNPACKED)
+
+
+def _from_lz4(data: bytes) -> bytes:
+    return _within_limit(LZ4FrameDecompressor(), data)
+
+
+def _from_bz2(data: bytes) -> bytes:
+    return _within_limit(BZ2Decompressor(), data)
+
+
+def _within_limit(decompressor: LZ4FrameDecompressor | BZ2Decompressor, data: bytes) -> bytes:
+    unpacked: bytes = decompressor.decompress(data, max_length=MAX_UNPACKED)
+    if not decompressor.eof:
+        raise ValueError(f"a chunk is cut off, or unpacks to more than {MAX_UNPACKED} bytes")
+    return unpacked
+
+
+# What rosbags unpacks has no limit of its own.
+storage_mcap.DECOMPRESSORS |= {"zstd": lambda data, _: _from_zstd(data), "lz4": lambda data, _: _from_lz4(data)}
+rosbag1_reader.decompressors |= {"lz4": _from_lz4, "bz2": _from_bz2}
 
 
 _Reader: TypeAlias = rosbag1.Reader | rosbag2.Reader | _McapFile
@@ -240,7 +251,10 @@ def _opened(path: Path, stack: ExitStack) -> _Reader:
         return _McapFile(stack.enter_context(path.open("rb")))
     if path.suffix == ".bag":
         return stack.enter_context(rosbag1.Reader(path))
-    return stack.enter_context(rosbag2.Reader(_completed(path, stack)))
+    reader = stack.enter_context(rosbag2.Reader(_completed(path, stack)))
+    if reader.compression_mode == "message":  # what takes the messages unpacks them, up to the limit
+        reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)
+    return reader
 
 
 def _completed(path: Path, stack: ExitStack) -> Path:

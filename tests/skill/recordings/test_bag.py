@@ -309,6 +309,23 @@ def test_a_topic_in_json_is_refused_by_its_encoding(tmp_path):
         read_bag(tmp_path / "a.mcap")
 
 
+@pytest.mark.parametrize("compression", ["bz2", "lz4"])
+def test_a_chunk_of_ros_1_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, compression):
+    write_bag(tmp_path / "a.bag", series(write=ros1), compression=compression)
+    check_series(read_bag(tmp_path / "a.bag")[0])
+    monkeypatch.setattr(bag, "MAX_UNPACKED", 3000)
+    with pytest.raises(ValueError, match=r"a\.bag: .*unpacks to more than 3000 bytes"):
+        read_bag(tmp_path / "a.bag")
+
+
+@pytest.mark.parametrize(("plugin", "compression"), [("MCAP", "STORAGE"), ("SQLITE3", "MESSAGE")])
+def test_what_unpacks_to_too_much_in_a_folder_is_refused(tmp_path, monkeypatch, plugin, compression):
+    write_folder(tmp_path / "bag", plugin, compression)
+    monkeypatch.setattr(bag, "MAX_UNPACKED", 50)
+    with pytest.raises(ValueError, match=r"bag: .*unpacks to more than 50 bytes"):
+        read_bag(tmp_path / "bag")
+
+
 @pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
 @pytest.mark.parametrize("index_types", [IndexType.ALL, IndexType.NONE])
 def test_a_chunk_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, compression, index_types):

@@ -88,13 +88,16 @@ def write_db3(path, messages, *, encoding="cdr", kind="geometry_msgs/msg/WrenchS
             )
 
 
-def write_bag(path, messages):
+def write_bag(path, messages, *, compression=None):
     """Writes messages of ROS 1 (topic, log time in ns, bytes) with the writer of the package rosbags."""
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
 
     connections = {}
-    with Writer(path) as writer:
+    writer = Writer(path)
+    if compression:
+        writer.set_compression(Writer.CompressionFormat[compression.upper()])
+    with writer:
         for topic, logged, data in messages:
             if topic not in connections:
                 kind = "sensor_msgs/msg/Image" if topic == "/camera" else "geometry_msgs/msg/WrenchStamped"
