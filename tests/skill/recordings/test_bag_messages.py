@@ -102,12 +102,6 @@ def test_messages_that_are_there_twice_count_once(write):
     np.testing.assert_array_equal(found.values[:, 0], np.arange(50))
 
 
-def test_what_no_message_has_cannot_be_chosen(write):
-    path = write({"stamps": TIME})
-    with pytest.raises(ValueError, match=r"no column 'publish'; columns are \['log_time', 'stamp', 'fx'"):
-        read_recordings(path, columns=["time=publish"])
-
-
 # ----------------------------------------------------------- missing values
 
 
@@ -120,13 +114,6 @@ def test_messages_without_values_are_left_out_with_a_word(write, gone):
         [found] = read_recordings(path)
     np.testing.assert_array_equal(found.values, np.delete(wrenches, gone, axis=0))
     np.testing.assert_allclose(found.time, np.delete(TIME, gone), rtol=0, atol=1e-6)
-
-
-def test_messages_without_some_values_or_all_are_refused_as_rows_of_a_table_are(write):
-    wrenches = np.arange(50)[:, None] + np.arange(6.0)
-    wrenches[7:9, 4] = np.nan
-    with pytest.raises(ValueError, match=r"a\.\w+: column 'my' has no value in message 7 \(2 such rows\)"):
-        read_recordings(write({"stamps": TIME, "wrenches": wrenches}))
 
 
 def test_messages_all_without_values_are_refused(write):

@@ -84,13 +84,6 @@ def test_the_standard_name_goes_before_others():
     assert chosen([*FORCE, "force_x", "timestamp", "t"]) == {name: (name, 1) for name in FORCE}
 
 
-def test_two_names_that_could_be_the_same_are_refused():
-    message = "snap.csv: columns ['force_x', 'Fx [N]'] could all be fx; say which, e.g. --columns fx=force_x"
-    with pytest.raises(ValueError, match=re.escape(message)):
-        chosen(["time", "force_x", "Fx [N]", "fy", "fz"])
-    assert chosen(["time", "force_x", "Fx [N]", "fy", "fz"], "fx=force_x")["fx"] == ("force_x", 1)
-
-
 def test_time_of_rostopic_is_in_nanoseconds():
     names = ["%time", *(f"field.wrench.force.{axis}" for axis in "xyz")]
     assert chosen(names)["time"] == ("%time", 1e-9)

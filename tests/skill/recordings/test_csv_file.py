@@ -5,8 +5,6 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from skill.recordings import column_table, csv_file
 from skill.recordings.column_table import ColumnChoice
@@ -39,26 +37,6 @@ def test_a_file_of_pandas_is_read(tmp_path):
     np.testing.assert_allclose(found.values[:, 0], table["Fx [mN]"] * 1e-3, rtol=1e-12)
     np.testing.assert_allclose(found.values[:, 1:], table[["Fy [N]", "Fz [N]", "mx", "my", "mz"]], rtol=1e-12)
     assert found.phases.tolist() == table["phase"].tolist()
-
-
-@given(
-    values=st.lists(st.floats(-1e300, 1e300, allow_nan=False), min_size=6, max_size=6),
-    layout=st.sampled_from([(",", "."), (";", "."), ("\t", "."), (";", ","), ("\t", ",")]),
-    end=st.sampled_from(["\n", "\r\n"]),
-    mark=st.sampled_from([b"", b"\xef\xbb\xbf"]),
-)
-def test_numbers_are_read_to_twelve_digits(tmp_path_factory, values, layout, end, mark):
-    separator, decimal = layout
-    path = tmp_path_factory.mktemp("a") / "snap.csv"
-    rows = [["time", "fx", "fy", "fz"], ["0.0", *map(repr, values[:3])], ["0.01", *map(repr, values[3:])]]
-    text = end.join(
-        separator.join(row if k == 0 else [x.replace(".", decimal) for x in row]) for k, row in enumerate(rows)
-    )
-    path.write_bytes(mark + text.encode())
-    [found] = read_csv_file(path)
-    # pandas 2 ignores digits after the seventeenth place.
-    np.testing.assert_allclose(found.values, np.reshape(values, (2, 3)), rtol=1e-12, atol=1e-300)
-    np.testing.assert_array_equal(found.time, [0, 0.01])
 
 
 @pytest.mark.parametrize("column", ["trial", "Episode", "episode_index", "run"])
@@ -97,15 +75,6 @@ def test_a_column_that_holds_no_phases_can_be_left_out(read):
     many = "column 'phase' has 300 different values, expected at most 200 phases"
     with pytest.raises(ValueError, match=f"{many}{remedy}$"):
         read(table)
-
-
-def test_the_user_names_trials_phases_and_channels(read):
-    text = "clock;a;fy;fz;part;what;trial\n0;1;2;3;x;2;1\n10;1;2;3;x;4;2\n0;5;2;3;y;4;1\n10;5;2;3;y;4;2\n"
-    found = read(text, columns=["time=clock:ms", "fx=a:kN"], trial_column="part", phase_column="what")
-    assert [(r.name, r.values[0, 0], r.phases.tolist()) for r in found] == [
-        ("snap.csv, trial x", 1000, [2, 4]),
-        ("snap.csv, trial y", 5000, [4, 4]),
-    ]
 
 
 ACCEPTED = {  # texts of the same two samples
@@ -214,20 +183,6 @@ def test_a_wrong_file_is_refused(read, tmp_path, name):
     ) as refused:
         read(text)
     assert "\n" not in str(refused.value)
-
-
-NAMED = {
-    "one sample": (HEADER + "0,1,2,3\n", "snap.csv: found 1 samples, expected at least 2"),
-    "back": (HEADER + "0,1,2,3\n0.2,1,2,3\n0.1,1,2,3\n", "snap.csv: time 0.1 s jumps back from 0.2 s in sample 2"),
-    "trial": ("time,fx,fy,fz,trial\n0,1,2,3,1\n0.01,1,2,3,1\n0,1,2,3,2\n", "snap.csv, trial 2: found 1 samples"),
-}
-
-
-@pytest.mark.parametrize("name", NAMED)
-def test_a_wrong_trial_is_refused_by_its_name(read, name):
-    text, message = NAMED[name]
-    with pytest.raises(ValueError, match="^" + re.escape(message)):
-        read(text)
 
 
 def stamped(step, *, start=0.0, name="time", number=60):

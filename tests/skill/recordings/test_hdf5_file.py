@@ -109,10 +109,3 @@ def test_a_value_that_is_missing_names_its_sample(tmp_path):
         file["robot_state/measured_force"][1250, 1] = np.nan  # after a gap between actions
     with pytest.raises(ValueError, match=r"a\.h5: column 'fy' has no value in sample 1250 "):
         read_recordings(path)
-
-
-def test_options_without_effect_are_refused(tmp_path):
-    path = write(tmp_path / "a.h5")
-    for option in ("topic", "feature", "trial_column", "phase_column"):
-        with pytest.raises(ValueError, match=rf"a\.h5: \['{option}'\] cannot be chosen for an HDF5 file"):
-            read_recordings(path, **{option: "a"})

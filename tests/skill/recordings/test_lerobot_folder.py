@@ -91,19 +91,11 @@ def test_numbers_without_names_are_counted(tmp_path):
     np.testing.assert_allclose(found[0].values[:, 0], wrench_of(0)[:, 2].astype(float) * 1e3)
 
 
-def with_timestamps(table):
-    return table.set_column(3, "timestamp", pa.array(np.arange(table.num_rows) / 30))
-
-
-def with_missing(table):
-    return table.set_column(
-        0, "observation.wrench", pa.array([[1.0] * 6] * (len(table) - 1) + [None], pa.list_(pa.float32()))
-    )
-
-
-def with_short(table):
-    rows = [[1.0] * 6] * (len(table) - 1) + [[1.0] * 5]
-    return table.set_column(0, "observation.wrench", pa.array(rows, pa.list_(pa.float32())))
+def with_wrenches(kind, *last):
+    """A data set in which the last wrenches of an episode are others."""
+    return {
+        "change": lambda t: t.set_column(0, "observation.wrench", pa.array([[1.0] * 6] * (len(t) - 1) + [*last], kind))
+    }
 
 
 REFUSED = {
@@ -123,13 +115,21 @@ REFUSED = {
     ),
     "names": ({"names": ["fx"]}, {}, "'observation.wrench' has names ['fx'], expected 6 texts"),
     "time": ({"names": ["time", *WRENCH[1:]]}, {}, "has a number called 'time', which is taken"),
-    "stamps": ({"change": with_timestamps}, {}, "timestamp 0.0333333 s in row 1, expected frame_index / fps = 0.02 s"),
+    "stamps": (
+        {"change": lambda t: t.set_column(3, "timestamp", pa.array(np.arange(len(t)) / 30))},
+        {},
+        "timestamp 0.0333333 s in row 1, expected frame_index / fps = 0.02 s",
+    ),
     "missing": (
-        {"change": with_missing},
+        with_wrenches(pa.list_(pa.float32()), None),
         {},
         "column 'observation.wrench' has lists of ['6', 'None'] numbers, expected 6",
     ),
-    "short": ({"change": with_short}, {}, "column 'observation.wrench' has lists of ['5', '6'] numbers, expected 6"),
+    "short": (
+        with_wrenches(pa.list_(pa.float32()), [1.0] * 5),
+        {},
+        "column 'observation.wrench' has lists of ['5', '6'] numbers, expected 6",
+    ),
     "no list": (
         {"change": lambda t: t.set_column(0, "observation.wrench", t["timestamp"])},
         {},
@@ -214,11 +214,7 @@ def test_missing_and_damaged_files_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(column_table, "MAX_SAMPLES", 60)
     with pytest.raises(ValueError, match="75 samples, expected at most 60"):
         read_lerobot_folder(tmp_path)
-    part = tmp_path / "data" / "chunk-000" / "file-001.parquet"
-    part.write_bytes(part.read_bytes()[:-9])
-    with pytest.raises(ValueError, match=r"file-001\.parquet: not a complete Parquet file"):
-        read_lerobot_folder(tmp_path)
-    for path in part.parent.iterdir():
+    for path in (tmp_path / "data" / "chunk-000").iterdir():
         path.unlink()
     with pytest.raises(ValueError, match=r"0 files data/chunk-\*/\*\.parquet, expected 1 to"):
         read_lerobot_folder(tmp_path)

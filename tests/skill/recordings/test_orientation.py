@@ -43,30 +43,22 @@ def as_vectors(rotations, how):
     return dict(zip(("rx", "ry", "rz"), vectors.T, strict=True))
 
 
-WRITERS = {
-    ".csv": lambda table, path: table.to_csv(path, index=False),
-    ".parquet": lambda table, path: table.to_parquet(path, index=False),
-    ".npz": lambda table, path: np.savez(path, **{name: table[name].to_numpy() for name in table}),
-}
-
-
 def write(path, orientation, **columns):
     n = len(next(iter(orientation.values())))
     table = pd.DataFrame(
         {"time": np.arange(n) / 100, "fx": 1.0, "fy": np.arange(n), "fz": 2.0, **orientation, **columns}
     )
-    WRITERS[path.suffix](table, path)
+    table.to_csv(path, index=False)
     return path
 
 
-@pytest.mark.parametrize("suffix", WRITERS)
 @pytest.mark.parametrize("pose", POSES)
-def test_an_orientation_is_the_same_numbers_in_every_file(tmp_path, pose, suffix):
+def test_an_orientation_is_the_same_numbers_in_every_file(tmp_path, pose):
     rotations = around(POSES[pose])
     found = []
     for form in (as_quaternions, as_vectors):
         for how in ("as they are", "negative", "changing"):
-            [recording] = read_recordings(write(tmp_path / f"a{suffix}", form(rotations, how)))
+            [recording] = read_recordings(write(tmp_path / "a.csv", form(rotations, how)))
             assert recording.channels == ("fx", "fy", "fz", "rx", "ry", "rz")
             found.append(recording.values)
     for values in found:
@@ -120,13 +112,6 @@ def test_a_single_axis_is_not_wrapped(tmp_path, axis):
     [found] = read_recordings(write(tmp_path / "a.csv", {axis: wrapped}))
     assert found.channels[-1] == axis
     np.testing.assert_allclose(np.abs(found.values[:, 3]), angle, rtol=0, atol=1e-9)
-
-
-def test_averages_of_changing_signs_are_orientations(tmp_path):
-    rotations = around(POSES["tool down"], spread=0.02)
-    [found] = read_recordings(write(tmp_path / "a.csv", as_quaternions(rotations, "changing")))
-    turned = Rotation.from_rotvec(found.averaged(10.0).values[:, 3:]) * rotations.mean().inv()
-    assert turned.magnitude().max() < 0.05
 
 
 def refused(path, message):

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skill.recordings.reading import TABLES, TEXTS, read_recordings
+from skill.recordings.reading import TABLES, read_recordings
 from tests.skill.recordings.test_lerobot_folder import write
 from tests.skill.recordings.wrench_messages import cdr, write_db3, write_mcap
 
@@ -34,13 +34,6 @@ def test_tables(tmp_path, suffix):
     assert [r.name for r in found] == [f"snap{suffix}, trial 1", f"snap{suffix}, trial 2"]
     np.testing.assert_array_equal(found[1].values, [[0.003, 1, 2], [0.004, 1, 2], [0.005, 1, 2]])
     assert set(found[0].phases) == {"x"}
-    text = suffix.lower() in TEXTS
-    for option in ("topic", "feature", *(() if text else ("sampling_rate", "decimal"))):
-        kind = "text" if text else "table"
-        with pytest.raises(
-            ValueError, match=rf"snap{suffix}: \['{option}'\] cannot be chosen for a {kind}; expected only"
-        ):
-            read_recordings(path, **{option: {"sampling_rate": 1, "decimal": "."}.get(option, "a")})
     assert {s.lower() for s in WRITERS} == set(TABLES) - {".dat", ".asc", ".log", ".lvm"}
 
 
@@ -60,9 +53,6 @@ def test_bags(tmp_path, suffix, write_file):
     )
     for path in (tmp_path / f"a{suffix}", tmp_path):
         assert len(read_recordings(path, topic="/tool", columns=iter([]))[0].time) == 4
-        for option in ("trial_column", "phase_column", "feature"):
-            with pytest.raises(ValueError, match=rf"\['{option}'\] cannot be chosen for a bag"):
-                read_recordings(path, **{option: "a"})
 
 
 def test_columns_are_a_list(tmp_path):
@@ -74,9 +64,33 @@ def test_lerobot(tmp_path):
     write(tmp_path, key="observation.ft", names=list("abcdef"))
     found = read_recordings(tmp_path, feature="observation.ft", columns=["fz=c"], phase_column="episode_index")
     assert [set(r.phases) for r in found] == [{0}, {1}, {2}]
-    for option in ("trial_column", "topic"):
-        with pytest.raises(ValueError, match=rf"\['{option}'\] cannot be chosen for a data set of LeRobot"):
-            read_recordings(tmp_path, **{option: "a"})
+
+
+ALLOWED = {  # file or folder: what it is, and the options that it takes
+    **dict.fromkeys(
+        ("a.csv", "a.TXT"), ("a text", {"columns", "trial_column", "phase_column", "sampling_rate", "decimal"})
+    ),
+    **dict.fromkeys(("a.parquet", "a.npz"), ("a table", {"columns", "trial_column", "phase_column"})),
+    **dict.fromkeys(("a.mcap", "a.db3", "a.bag"), ("a bag", {"columns", "topic"})),
+    "a.h5": ("an HDF5 file", set()),
+    "set": ("a data set of LeRobot", {"columns", "phase_column", "feature"}),
+}
+OPTIONS = {
+    **dict.fromkeys(("trial_column", "phase_column", "topic", "feature"), "a"),
+    **{"columns": ["fx=a"], "sampling_rate": 1.0, "decimal": "."},
+}
+
+
+@pytest.mark.parametrize("name", ALLOWED)
+def test_options_without_effect_are_refused(tmp_path, name):
+    kind, allowed = ALLOWED[name]
+    (tmp_path / "set" / "meta").mkdir(parents=True)
+    (tmp_path / "set" / "meta" / "info.json").touch()
+    for option, value in OPTIONS.items():
+        with pytest.raises(ValueError, match=name) as refused:  # if it is allowed, for want of the file
+            read_recordings(tmp_path / name, **{option: value})
+        message = f"{tmp_path / name}: ['{option}'] cannot be chosen for {kind}; expected only {sorted(allowed)}"
+        assert (str(refused.value) == message) == (option not in allowed)
 
 
 def test_other_files_are_refused(tmp_path):

@@ -1,4 +1,4 @@
-"""Messages of the type WrenchStamped, written byte by byte, and files of them."""
+"""Messages of the type WrenchStamped, written byte by byte, files of them, and what is read of damaged files."""
 
 import sqlite3
 import struct
@@ -46,6 +46,20 @@ def check_series(found, count=50, offset=0.0):
     assert found.phases is None
     np.testing.assert_array_equal(found.values, np.arange(count)[:, None] + np.arange(6.0))
     np.testing.assert_allclose(found.time, START + offset + np.arange(count) / 100, rtol=0, atol=1e-6)
+
+
+def read_with_changed_bytes(path, read, number=300):
+    """Reads a file as often, each time with a bit changed; returns the recordings and the texts of the refusals."""
+    data = path.read_bytes()
+    rng = np.random.default_rng(0)
+    found, refusals = [], []
+    for place in rng.integers(0, len(data), number):
+        path.write_bytes(data[:place] + bytes([data[place] ^ (1 << int(rng.integers(8)))]) + data[place + 1 :])
+        try:
+            found += read(path)
+        except ValueError as error:
+            refusals.append(str(error))
+    return found, refusals
 
 
 def write_mcap(path, messages, *, encoding="cdr", schema="geometry_msgs/msg/WrenchStamped", finish=True, **options):
