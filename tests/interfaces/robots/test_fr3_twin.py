@@ -194,6 +194,7 @@ def test_a_silent_sensor_stops_an_insertion(served, skill):
         assert served.time_to_stop(since[0], np.sign(at_that_time)) < STOP_TIME
 
 
+@pytest.mark.nightly
 def test_the_tool_is_found_within_a_percent_and_a_millimetre(served):
     with session_with(served) as session:
         tool = session.find_tool()
@@ -259,6 +260,7 @@ def test_a_flange_under_impedance_gives_way_by_its_stiffness():
         arm.close()
 
 
+@pytest.mark.nightly  # the command arm inserts one every day, by the same session
 def test_a_peg_is_inserted_and_recorded(served, skill):
     with session_with(served) as session:
         session.find_tool()
