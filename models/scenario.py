@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
-from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.common.yaml import yaml_dump_typed
 
 from models.arm import CARRIERS, RIG
 from models.clearance import following
@@ -45,6 +44,7 @@ from models.validation import (
     Violation,
     check_document,
     copied,
+    fill,
     is_multiple,
     number_violations,
     raise_first,
@@ -126,21 +126,18 @@ def parse_scenario(text: str, where: str, *, engine: str | None = None, defaults
     if engine is not None:
         document.setdefault("contact", {})["engine"] = engine
     base = Scenario() if defaults is None else defaults
-    known = _loaded(document, base, where)
+    known = _filled(base, document)
     raise_first(chain(number_violations(known), _shape_violations(known.geometry)), where)
-    scenario = _loaded(document, following(known, base), where)
+    scenario = _filled(following(known, base), document)
     validate_scenario(scenario, where)
     return scenario
 
 
-def _loaded(document: dict[str, Any], defaults: Scenario, where: str) -> Scenario:
-    """Returns the scenario of a checked document, which may not be valid."""
-    try:
-        # Drake gets the values as they were read, not the text: it takes 1e10 for a string.
-        loaded: Scenario = yaml_load_typed(schema=Scenario, data=yaml.safe_dump(document), defaults=defaults)
-    except OverflowError as error:
-        raise ValueError(f"{where}: a whole number has hundreds of digits; expected numbers in SI units") from error
-    return loaded
+def _filled(defaults: Scenario, document: dict[str, Any]) -> Scenario:
+    """Returns the defaults with the values of a checked document; the scenario may not be valid."""
+    scenario: Scenario = copied(defaults)
+    fill(scenario, document)
+    return scenario
 
 
 def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
@@ -197,28 +194,25 @@ def _geometry_violations(g: Geometry) -> Iterator[Violation]:
 
 def _name_violations(scenario: Scenario) -> Iterator[Violation]:
     """Checks the fields that hold the name of a choice."""
-    approximation, habit = scenario.contact.approximation, scenario.operator.habit
-    wrench = scenario.controller.wrench
+    contact, wrench = scenario.contact, scenario.controller.wrench
+    for name, chosen, known in (
+        ("contact.engine", contact.engine, ENGINES),
+        ("contact.approximation", contact.approximation, APPROXIMATIONS),
+        ("device", scenario.device, sorted(DEVICE_PRESETS)),
+        ("fixture", scenario.fixture, FIXTURES),
+        ("carrier", scenario.carrier, CARRIERS),
+        ("operator.habit", scenario.operator.habit, sorted(HABITS)),
+    ):
+        if chosen not in known:
+            yield Violation(name, repr(chosen), f"one of {known}")
     if wrench not in WRENCHES and not math.isfinite(wrench_factor(wrench)):
         yield Violation("controller.wrench", repr(wrench), f"one of {WRENCHES} or {SCALED}FACTOR, such as {SCALED}0.5")
-    if scenario.contact.engine not in ENGINES:
-        yield Violation("contact.engine", repr(scenario.contact.engine), f"one of {ENGINES}")
     if scenario.rig.clocking_stage and scenario.geometry.is_round:
         yield Violation("rig.clocking_stage", "true", "false: a round part has no angle about its axis")
-    if scenario.contact.engine == "drake" and scenario.geometry.mates:
+    if contact.engine == "drake" and scenario.geometry.mates:
         yield Violation("contact.engine", "drake", "exact: the mesh of the hole has one section only")
-    if approximation not in APPROXIMATIONS:
-        yield Violation("contact.approximation", repr(approximation), f"one of {APPROXIMATIONS}")
-    if scenario.device not in DEVICE_PRESETS:
-        yield Violation("device", repr(scenario.device), f"one of {sorted(DEVICE_PRESETS)}")
-    if scenario.fixture not in FIXTURES:
-        yield Violation("fixture", repr(scenario.fixture), f"one of {FIXTURES}")
-    if scenario.carrier not in CARRIERS:
-        yield Violation("carrier", repr(scenario.carrier), f"one of {CARRIERS}")
-    if scenario.carrier != RIG and scenario.contact.engine != "exact":
-        yield Violation("contact.engine", repr(scenario.contact.engine), "exact, for an arm")
-    if habit not in HABITS:
-        yield Violation("operator.habit", repr(habit), f"one of {sorted(HABITS)}")
+    if scenario.carrier != RIG and contact.engine != "exact":
+        yield Violation("contact.engine", repr(contact.engine), "exact, for an arm")
 
 
 def _limit_violations(scenario: Scenario) -> Iterator[Violation]:

@@ -51,6 +51,7 @@ TYPE_NAMES: dict[Any, str] = {
     str: "a name",
     list[float]: "a list of numbers",
     list[float] | None: "a list of numbers",
+    list[list[float]]: "a list of lists of numbers",
     bool: "true or false",
     int | None: "a whole number",
     str | None: "a text",
@@ -61,6 +62,12 @@ TYPE_NAMES: dict[Any, str] = {
     str | dict[str, Any]: "a name, or keys with values",
 }
 """Names of the types of the fields, for messages."""
+
+FLOATS = {float, float | None, list[float], list[float] | None, list[list[float]]}
+"""Those whose whole numbers are converted."""
+
+MAX_WHOLE_NUMBER = 10**300
+"""Limit of a whole number that becomes a float, which holds no number of hundreds of digits."""
 
 
 class Violation(NamedTuple):
@@ -155,30 +162,32 @@ def _has_type(value: Any, kind: Any) -> bool:
     if get_origin(kind) is dict:  # free keys and values
         return isinstance(value, dict)
     if kind is float:
-        return isinstance(value, int | float) and not isinstance(value, bool)
+        return type(value) is float or (type(value) is int and abs(value) < MAX_WHOLE_NUMBER)
     return type(value) is kind and not (kind is int and abs(value) >= 2**63)
 
 
-def set_field(node: Any, name: str, value: Any, where: str, path: str) -> None:
-    """Sets a field of a dataclass, which holds no other dataclass, to a value of a YAML document.
+def fill(tree: Any, document: dict[str, Any]) -> None:
+    """Sets fields of a tree of dataclasses to the values of a document.
 
     Args:
-        node: The dataclass; is changed.
-        name: Of the field.
-        value: See `check_document`, as are the others.
-        where: Likewise.
-        path: Likewise.
-
-    Raises:
-        ValueError: If the value has not the type of the field.
+        tree: A dataclass; it is changed.
+        document: Values that `check_document` accepts for its type.
     """
-    check_document({name: value}, type(node), where, path)
-    kind = {entry.name: entry.type for entry in fields(node)}[name]
-    if kind in (float, float | None) and value is not None:
-        value = float(value)
-    if kind in (list[float], list[float] | None) and value is not None:
-        value = [float(element) for element in value]
-    setattr(node, name, value)
+    for entry in fields(tree):
+        if entry.name not in document:
+            continue
+        value, node = document[entry.name], getattr(tree, entry.name)
+        if is_dataclass(node):
+            fill(node, value)
+        else:
+            setattr(tree, entry.name, _converted(value, entry.type))
+
+
+def _converted(value: Any, kind: Any) -> Any:
+    """Returns the value of a field, which shares no list with the document; an int of a float field is a float."""
+    if isinstance(value, list):
+        return [_converted(element, kind) for element in value]
+    return float(value) if type(value) is int and kind in FLOATS else value
 
 
 def copied(tree: Any) -> Any:

@@ -17,7 +17,7 @@ For example:
 
 # Without the future import of annotations: `check_document` reads the types of the fields.
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ from experiments.trial.trial_set import TrialSet
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.document import brief, read_document, read_text
 from models.scenario import ENGINES, Scenario, load_scenario, validate_scenario
-from models.validation import Violation, check_document, copied, raise_first, set_field
+from models.validation import Violation, check_document, copied, fill, raise_first
 
 MAX_TRIALS = 1_000_000
 MAX_NAME = 80  # characters of the name of a policy, which names a folder
@@ -318,14 +318,10 @@ def overridden(scenario: Scenario, overrides: Overrides, where: str) -> Scenario
     """
     chosen: Scenario = copied(scenario)
     for key, value in overrides.items():
-        *groups, name = str(key).split(".")
-        node: Any = chosen
-        for group in groups:
-            node = getattr(node, group, None)
-        if not (is_dataclass(node) and hasattr(node, name)):
-            raise ValueError(f"{where}: unknown key {brief(key)} of the scenario")
-        if is_dataclass(getattr(node, name)):
-            raise ValueError(f"{where}: {brief(key)} is a group of keys of the scenario, expected one of its keys")
-        set_field(node, name, value, where, ".".join(groups))
+        document: Any = value
+        for name in reversed(str(key).split(".")):
+            document = {name: document}
+        check_document(document, Scenario, where)
+        fill(chosen, document)
     validate_scenario(chosen, where)
     return chosen

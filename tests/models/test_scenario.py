@@ -299,7 +299,7 @@ def test_the_angle_about_the_axis_is_drawn_for_a_clocking_stage_only_and_changes
 
 @pytest.mark.parametrize("key", ["start: {clocking: NUMBER}", "geometry: {corners: [[NUMBER, 0, 0]]}"])
 def test_a_whole_number_beyond_all_numbers_is_named(key):
-    with pytest.raises(ValueError, match=r"here: a whole number has hundreds of digits; expected numbers"):
+    with pytest.raises(ValueError, match=r"here: .* is .*00.*, expected a (list of lists of )?number"):
         parse_scenario(key.replace("NUMBER", "1" + 400 * "0"), "here")
 
 
