@@ -10,13 +10,6 @@ from systems.law.control_law import ControlLaw
 SPEED, STEP = 0.018, 5e-4  # so slow that the force guard does not reduce them
 
 
-class Push(ControlLaw):
-    """Pushes without turning."""
-
-    def act(self, measured, estimate=None):
-        return Action(turn=np.zeros(2), feed=-SPEED * self.period_)
-
-
 class TurnInTheHole(ControlLaw):
     """Waits until the peg is 1 mm deep, then turns about x in two of three phases."""
 
@@ -42,16 +35,6 @@ def run(scenario, law, time_limit):
     scenario.start.tilt = [0.0, 0.0]
     scenario.trial.time_limit = time_limit
     return run_trial(trial_scenario(scenario, number=5), law, seed=5)
-
-
-@pytest.mark.slow
-def test_a_law_without_memory_pushes_an_aligned_peg_in(quick_scenario):
-    result, record = run(quick_scenario, Push(), 2.0)
-    assert result.inserted
-    assert result.states == (0,)
-    assert result.steps == 0
-    assert record.metadata["state_names"] == ["acting"]
-    assert record.samples["feed_speed"].iloc[5] == pytest.approx(-SPEED)
 
 
 def test_the_phases_of_a_law_are_performed_and_recorded(quick_scenario):

@@ -1,5 +1,3 @@
-import math
-
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
@@ -73,13 +71,6 @@ def test_the_current_never_exceeds_its_limit_at_any_speed():
     assert largest == pytest.approx(P.current_limit, rel=1e-9)
 
 
-def test_a_low_supply_voltage_limits_the_current():
-    parameters = DcMotorParameters(supply_voltage=1.0)
-    dut, context = motor(0.5, parameters=parameters)
-    update(dut, context, period=PERIOD, times=100)
-    assert current(dut, context) == pytest.approx(parameters.supply_voltage / parameters.resistance, rel=1e-9)
-
-
 def test_the_force_of_a_motor_without_current_is_its_friction():
     dut, context = motor(0.0, (0.0, 0.02))
     w = P.ratio * 0.02
@@ -105,8 +96,8 @@ def test_the_integral_is_frozen_while_the_current_is_limited():
     assert current(dut, context) < 0
 
 
-def free_carriage(parameters, command, period):
-    """Returns a drive with a constant speed command, a carriage without load, and their simulator."""
+def speeds(parameters, command, times, period):
+    """Speeds of a free carriage with the drive, from rest, m/s."""
     builder = DiagramBuilder()
     source = builder.AddSystem(ConstantVectorSource([command]))
     dut = builder.AddSystem(DcMotor(parameters=parameters, period=period))
@@ -120,46 +111,13 @@ def free_carriage(parameters, command, period):
     builder.Connect(source.get_output_port(), dut.GetInputPort("speed_command"))
     builder.Connect(dut.GetOutputPort("carriage_force"), carriage.get_input_port())
     builder.Connect(carriage.get_output_port(), dut.GetInputPort("carriage_state"))
-    return dut, carriage, Simulator(builder.Build())
-
-
-def speeds(parameters, command, times, period=PERIOD):
-    """Speeds of a free carriage with the drive, from rest, m/s."""
-    _, carriage, simulator = free_carriage(parameters, command, period)
+    simulator = Simulator(builder.Build())
     own = carriage.GetMyContextFromRoot(simulator.get_context())
     values = []
     for t in times:
         simulator.AdvanceTo(t)
         values.append(own.get_continuous_state_vector()[1])
     return np.array(values)
-
-
-def damping_and_inertia(p):
-    """Damping N^2 (eta k_t k_e / R + b), N s/m, and mass, kg, of the carriage with a motor at constant voltage."""
-    return p.ratio**2 * (p.screw_efficiency * p.torque_constant**2 / p.resistance + p.viscous_friction), MASS
-
-
-@pytest.mark.parametrize("friction", [0.0, 1e-3])
-def test_the_run_up_at_full_voltage_has_the_mechanical_time_constant_and_the_no_load_speed(friction):
-    """w_0 = (eta k_t V/R - tau_c) / (eta k_t k_e/R + b), tau = J / (eta k_t k_e/R + b)."""
-    p = DcMotorParameters(coulomb_friction=friction, inductance=1e-6, current_limit=1e3)  # only the voltage limits
-    damping, inertia = damping_and_inertia(p)
-    drive = p.ratio * (p.screw_efficiency * p.torque_constant * p.supply_voltage / p.resistance - friction)
-    no_load, tau = drive / damping, inertia / damping
-    times = tau * np.array([0.5, 1.0, 2.0, 3.0, 8.0])
-    period = tau / 400
-    found = speeds(p, 10.0, times, period=period)  # an unreachable command
-    np.testing.assert_allclose(found, no_load * (1 - np.exp(-times / tau)), rtol=8e-3)
-
-
-def test_at_standstill_the_current_rises_with_the_electrical_time_constant():
-    """i = V/R (1 - e^(-R t/L)) at full voltage."""
-    p = DcMotorParameters(inductance=4e-3, current_limit=1e3)
-    dut, context = motor(10.0, parameters=p)
-    for k in range(1, 12):
-        update(dut, context, period=PERIOD)
-        rise = 1 - math.exp(-p.resistance * k * PERIOD / p.inductance)
-        assert current(dut, context) == pytest.approx(p.supply_voltage / p.resistance * rise, rel=1e-9)
 
 
 def test_a_small_step_of_the_speed_loop_is_that_of_a_second_order_transfer_function():

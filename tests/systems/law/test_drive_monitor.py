@@ -1,8 +1,6 @@
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from models.control import DriveMonitorParameters
 from models.hardware import DcMotorParameters
@@ -47,15 +45,6 @@ class Feed:
     @property
     def enabled(self):
         return self.dut.GetOutputPort("feed_enabled").Eval(self.context)[0] == 1.0
-
-
-@given(st.lists(st.floats(-0.03, 0.03), min_size=1, max_size=30))
-def test_a_feed_that_obeys_within_its_limits_is_never_a_fault(speeds):
-    feed = Feed(depth=0.005)
-    for speed in speeds:
-        if LIMITS.upper + 1e-3 < feed.depth - 10 * speed * PERIOD < LIMITS.lower - 1e-3:
-            assert feed.run(speed, periods=10) == Fault.NONE
-    assert feed.enabled
 
 
 @pytest.mark.parametrize(

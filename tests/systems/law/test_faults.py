@@ -3,9 +3,6 @@
 The tests replace hardware or skill by a faulty one (`tests.systems.faulty_hardware`), or lock the feed.
 """
 
-import copy
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -163,22 +160,6 @@ def test_one_spike_does_not_end_a_trial(scenario, skill):
     with injected("sensor, one spike", onset=0.3):
         _, run = run_trial(scenario, skill, seed=7)
     assert (run.samples["fault"] == Fault.NONE).all()
-
-
-@pytest.mark.slow
-def test_a_drive_that_lifts_the_peg_ends_at_the_upper_limit(scenario, skill):
-    """A policy that only retracts meets the limit, and the feed stops there instead of being retracted further."""
-
-    class RetractingSkill(type(skill)):
-        def act(self, measured, estimate=None):
-            return replace(super().act(measured, estimate), feed=0.02 * self.period_)
-
-    retracting = copy.copy(skill)
-    retracting.__class__ = RetractingSkill
-    result, run = run_trial(scenario, retracting, seed=7)
-    assert result.fault is Fault.UPPER_TRAVEL_LIMIT
-    limit = scenario.start.height + scenario.controller.drive_monitor.travel_above
-    assert limit - 1e-4 < run.samples["tip_z"].max() < limit + 2e-3
 
 
 def test_an_exception_in_the_skill_ends_one_trial_and_not_the_batch(quick_scenario, skill_file):

@@ -221,31 +221,6 @@ def test_unwinding_returns_to_the_angles_at_the_last_light_load():
     assert outputs(dut, context)[:2] == pytest.approx(light, abs=0.1 * STOPPING.period * 1.01)
 
 
-def test_unwinding_does_not_go_round_the_cap():
-    dut, context = guard(pitch_rate=[0.1])
-    update(dut, context, period=STOPPING.period, times=50)
-    turned = outputs(dut, context)[0]
-    dut.GetInputPort("wrench").FixValue(context, moment(-P.hold_force))  # presses the hole on in the same direction
-    settled(dut, context)
-    dut.GetInputPort("unwinding").FixValue(context, [1.0])
-    assert rates(dut, context) == pytest.approx([0.0, 0.0], abs=1e-9)
-    assert outputs(dut, context)[0] >= turned
-
-
-def test_unwinding_from_far_is_reduced_like_a_turn_at_the_largest_rate():
-    """At half the share, half of the largest rate is left, however far the angles of the light load are."""
-    dut, context = guard(pitch_rate=[0.2], wrench=moment(HALF_TURN))
-    light = outputs(dut, context)[0]
-    settled(dut, context)
-    update(dut, context, period=STOPPING.period, times=200)
-    far = outputs(dut, context)[0]
-    assert far > light + 0.01
-    dut.GetInputPort("wrench").FixValue(context, moment(-HALF_TURN))
-    dut.GetInputPort("unwinding").FixValue(context, [1.0])
-    settled(dut, context)
-    assert rates(dut, context) == pytest.approx([-0.5 * TURN_RATE, 0.0], abs=1e-9)
-
-
 @given(
     wrench=st.tuples(*[st.floats(-60, 60)] * 3, *[st.floats(-0.6, 0.6)] * 3),
     command=st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-0.03, 0.03)),

@@ -9,7 +9,6 @@ from models.control import BackOffParameters, ControllerParameters, ForceGuardPa
 from models.scenario import Scenario
 from skill.features.measurement import MEASURED
 from skill.policy.rig_policy import Action
-from skill.states.estimate import Estimate
 from systems.law.back_off import BackOffState
 from systems.law.policy_controller import ControllerLimits, ControllerState, PolicyController
 from tests.stepping import fixed_context, update_unrestricted
@@ -65,11 +64,6 @@ def step(dut, context, parameters=GENTLE, times=1):
     return commands(dut, context)
 
 
-def test_before_the_first_update_all_commands_are_zero(skill, measurements):
-    dut, context, _ = controller(skill, measurements[0])
-    assert set(commands(dut, context).values()) == {0.0}
-
-
 def test_the_hole_turns_opposite_to_the_action_and_the_feed_has_its_speed(skill, measurements):
     turned = 0
     for row in measurements:
@@ -95,28 +89,6 @@ def test_the_turn_about_the_axis_is_limited_and_never_reversed(skill, measuremen
     assert step(*controller(FixedPolicy(skill, action), measurements[0], slow)[:2], slow)["clocking_rate"] == -0.02
 
 
-class TwoStates(FixedPolicy):
-    """A policy that turns about x by the difference of the probabilities of its two states."""
-
-    def act(self, measured, estimate=None):
-        return Action(turn=np.array([1e-3 * (estimate.states[0] - estimate.states[1]), 0.0]), feed=0.0)
-
-
-@pytest.mark.parametrize("states", [[0.9, 0.1], [0.2, 0.8]])
-def test_the_policy_is_given_the_estimate(skill, measurements, states):
-    dut, context, _ = controller(TwoStates(skill, None), measurements[0])
-    believe(dut, context, Estimate(np.array(states)))
-    found = step(dut, context)["pitch_rate"]
-    assert found == pytest.approx(-1e-3 * (states[0] - states[1]) / skill.period_)
-
-
-def test_equal_measurements_give_equal_rates(skill, measurements):
-    dut, context, _ = controller(skill, measurements[len(measurements) // 3])
-    once = step(dut, context)
-    assert once["pitch_rate"] != 0.0
-    assert step(dut, context, times=2) == once
-
-
 @pytest.mark.parametrize("gain", [0.0, 0.5, 2.0])
 def test_the_gain_scales_the_turn_and_not_the_feed(skill, measurements, gain):
     row = measurements[len(measurements) // 3]
@@ -125,24 +97,6 @@ def test_the_gain_scales_the_turn_and_not_the_feed(skill, measurements, gain):
     found = step(*controller(skill, row, scaled)[:2], scaled)
     assert found["pitch_rate"] == pytest.approx(gain * one["pitch_rate"])
     assert found["feed_speed"] == one["feed_speed"]
-
-
-def test_the_rate_limit_keeps_the_direction_of_the_turn(skill, measurements):
-    row = measurements[len(measurements) // 3]
-    free = step(*controller(skill, row)[:2])
-    free_turn = np.array([free["pitch_rate"], free["yaw_rate"]])
-    size = np.linalg.norm(free_turn)
-    slow = replace(GENTLE, max_turn_rate=0.3 * size)
-    found = step(*controller(skill, row, slow)[:2], slow)
-    np.testing.assert_allclose([found["pitch_rate"], found["yaw_rate"]], 0.3 * free_turn, rtol=1e-9)
-
-
-def test_the_feed_speed_is_limited(skill, measurements):
-    row = measurements[0]
-    free = step(*controller(skill, row)[:2])["feed_speed"]
-    assert free < 0  # into the hole
-    slow = replace(GENTLE, max_feed_speed=0.4 * abs(free))
-    assert step(*controller(skill, row, slow)[:2], slow)["feed_speed"] == pytest.approx(0.4 * free)
 
 
 @pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.48, 0.64, 0.6]])
@@ -175,22 +129,6 @@ def test_an_unknown_state_halves_the_feed_and_not_the_turn(skill, measurements):
     unknown = step(dut, context)
     assert unknown["feed_speed"] == pytest.approx(0.5 * known["feed_speed"])
     assert unknown["pitch_rate"] == known["pitch_rate"]
-
-
-def test_the_turns_reduce_the_tilt_of_a_wedged_peg(skill, demonstrations):
-    """Checks the sign of the whole chain: in most samples the command turns the hole towards the tilt of the peg."""
-    agreement = []
-    for demonstration in demonstrations[:5]:
-        samples = demonstration.samples
-        tilt = samples[["ax", "ay"]].to_numpy() * samples[["angle"]].to_numpy()
-        force = np.linalg.norm(samples[["fx", "fy"]], axis=1)
-        for k in np.flatnonzero((force > 2.0) & (np.linalg.norm(tilt, axis=1) > np.radians(0.5))):
-            row = samples[list(MEASURED)].to_numpy()[k]
-            found = step(*controller(skill, row)[:2])
-            # Turning the hole by +theta aligns a peg that is tilted by theta relative to the hole.
-            agreement.append(np.dot([found["pitch_rate"], found["yaw_rate"]], tilt[k]) > 0)
-    assert len(agreement) > 20
-    assert np.mean(agreement) > 0.8
 
 
 def test_low_support_reduces_the_feed_and_is_an_output(skill, measurements):
@@ -249,17 +187,6 @@ def test_a_policy_that_fails_is_not_called_again(skill, measurements, failing, m
     assert dut.failure(context).startswith(message)
     policy.action = sound
     assert step(dut, context, times=3) == after
-
-
-def test_turns_are_to_be_unwound_if_the_peg_does_not_rise(skill, measurements):
-    action = Action(turn=np.array([1e-3, -2e-3]), feed=-1e-5)
-    dut, context, _ = controller(FixedPolicy(skill, action), np.zeros(7))
-    wrench = dut.GetInputPort("wrench")
-    wrench.FixValue(context, [0.0, 0.0, 1.01 * GENTLE.guard.force_limit, 0.0, 0.0, 0.0])
-    periods = round(0.5 * BACK_OFF.time / GENTLE.period)
-    held = step(dut, context, times=periods)
-    assert (held["back_off"], held["yaw_rate"], held["unwinding"]) == (1.0, 0.0, 0.0)
-    assert step(dut, context, times=periods - 2)["unwinding"] == 1.0
 
 
 def test_a_policy_with_nothing_new_to_try_stops_and_says_what_it_tried(skill, measurements):

@@ -2,12 +2,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from models.hardware import DcMotorParameters, WrenchSensorParameters
 from models.scenario import load_scenario
-from systems.law.faults import FALSE_ALARM, Fault, repeats_of_a_stuck_sensor
+from systems.law.faults import Fault, repeats_of_a_stuck_sensor
 from systems.law.limits import sensor_limits
 from systems.law.sensor_monitor import SensorLimits, SensorMonitor
 from systems.law.wrench_sensor import wrench_at_tip
@@ -115,16 +113,6 @@ def test_a_sensor_that_repeats_its_reading_too_often_is_stuck(dut):
 DELAYS = [0, 20]  # in units of the sensor's period
 
 
-def test_the_zeros_of_the_delay_line_are_not_a_stuck_sensor():
-    delay = 20
-    dut = make_monitor(WrenchSensorParameters(delay=delay * SENSOR.period))
-    context = fixed_context(dut)
-    for k in range(delay + 1):
-        assert sample_once(dut, context, np.zeros(6))[2] == Fault.NONE, k
-    for k in range(10):
-        assert sample_once(dut, context, sample(k))[2] == Fault.NONE, k
-
-
 @pytest.mark.parametrize("delay", DELAYS)
 @pytest.mark.parametrize("reading", [np.zeros(6), sample(9)], ids=["zero", "not zero"])
 def test_a_sensor_that_is_stuck_from_its_first_reading_on_is_noticed(delay, reading):
@@ -144,12 +132,9 @@ def test_a_depth_that_changes_less_often_than_the_sensor_measures_may_change_mor
         assert sample_once(dut, started(dut), sample(9), 0.001 + change)[2] == fault
 
 
-def test_the_permitted_repeats_follow_from_noise_and_quantum():
-    assert 5 <= repeats_of_a_stuck_sensor(SENSOR) <= 30
-    fine = WrenchSensorParameters(force_quantum=1e-6)
-    assert repeats_of_a_stuck_sensor(fine) <= 2
+def test_a_sensor_without_noise_may_repeat_its_reading_for_ever():
     quiet = WrenchSensorParameters(force_noise=[0.0] * 3, torque_noise=[0.0] * 3)
-    assert repeats_of_a_stuck_sensor(quiet) == math.inf  # any number of repeats is permitted
+    assert repeats_of_a_stuck_sensor(quiet) == math.inf
 
 
 @pytest.mark.parametrize(("forces", "torques", "repeats"), [(1, 0, 30), (1, 1, 15), (2, 1, 10), (1, 3, 8)])
@@ -159,19 +144,6 @@ def test_channels_that_repeat_half_of_the_time_may_repeat_until_one_in_a_billion
     sensor.force_noise = [0.02] * forces + [0.0] * (3 - forces)
     sensor.torque_noise = [5e-4] * torques + [0.0] * (3 - torques)
     assert repeats_of_a_stuck_sensor(sensor) == repeats
-
-
-def test_a_simulated_sensor_at_rest_repeats_its_reading_no_more_often_than_the_bound():
-    """The worst case: the true value of every channel is in the middle of a quantum."""
-    rng = np.random.default_rng(3)
-    sigma = np.array([*SENSOR.force_noise, *SENSOR.torque_noise])
-    quantum = np.repeat([SENSOR.force_quantum, SENSOR.torque_quantum], 3)
-    readings = np.round(sigma * rng.standard_normal((200_000, 6)) / quantum)
-    same = (np.diff(readings, axis=0) == 0).all(axis=1)
-    bound = math.exp(math.log(FALSE_ALARM) / (repeats_of_a_stuck_sensor(SENSOR) - 1))
-    for n in (1, 2, 3):
-        runs = np.lib.stride_tricks.sliding_window_view(same, n).all(axis=1).mean()
-        assert 0 < runs <= 1.3 * bound**n
 
 
 def test_the_outputs_are_zero_before_the_first_sound_sample(dut):
@@ -224,14 +196,6 @@ def test_spikes_in_different_seconds_are_no_fault():
         assert sample_once(dut, context, with_spike(2, 70.0, k))[2] == Fault.NONE
         for n in range(1500):
             sample_once(dut, context, sample(n))
-
-
-@given(st.integers(0, 30), st.integers(0, 5), st.floats(-1e2, 1e2))
-def test_one_spike_of_any_size_and_place_is_never_a_fault(place, channel, size):
-    dut = make_monitor(WrenchSensorParameters(force_range=[1e4] * 3, torque_range=[1e4] * 3))
-    context = started(dut)
-    for k in range(40):
-        assert sample_once(dut, context, with_spike(channel, size if k == place else 0.0, k))[2] == Fault.NONE
 
 
 RIM = -0.0015
