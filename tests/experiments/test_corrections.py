@@ -57,12 +57,6 @@ def test_a_run_without_a_back_off_was_stuck_at_its_end_unless_it_inserted(quick_
     assert found.depth == run.samples["depth"].iloc[-1]
 
 
-def test_a_back_off_in_the_first_sample_counts(quick_scenario):
-    run = make_rig_run()
-    run = replace(run, samples=run.samples.assign(back_off=1.0))
-    assert find_query_state(run, quick_scenario, number=1, inserted=True).time == 0.0
-
-
 def test_a_correction_has_the_pivot_and_the_friction_of_the_practice_trial(quick_scenario):
     found = correction_scenario(quick_scenario, QUERY_STATE, seed=5, person=21)
     assert found.rig.pivot_height == QUERY_STATE.pivot_height
@@ -76,12 +70,6 @@ def test_a_correction_has_the_pivot_and_the_friction_of_the_practice_trial(quick
 
 def test_practice_trials_differ_from_all_other_trials(quick_scenario):
     assert practice_trial(quick_scenario, 4).start.tilt != trial_scenario(quick_scenario, number=4).start.tilt
-
-
-def test_above_the_mouth_a_correction_begins_at_the_usual_height(quick_scenario):
-    high = replace(QUERY_STATE, depth=0.5 * LIFT)
-    found = correction_scenario(quick_scenario, high, seed=5, person=21)
-    assert found.start.tip_height == quick_scenario.start.height
 
 
 def test_the_operator_of_a_correction_is_one_of_the_set(quick_scenario):

@@ -1,9 +1,6 @@
 """Servo and simulation together, without a clock."""
 
 import copy
-import gc
-import resource
-import sys
 from itertools import islice
 
 import numpy as np
@@ -18,7 +15,6 @@ from models.scenario import DEMONSTRATION_STREAM, load_scenario, resolve_scenari
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from systems.servo.served_environment import MakeServedEnvironment
 from systems.servo.servo_diagram import MakeServo
-from systems.servo.stale_contact_fade import FADE, HOLD
 from systems.virtual_environment import MakeVirtualEnvironment, start_pose
 
 H = 1e-3
@@ -111,46 +107,3 @@ def test_the_force_has_no_steps_where_models_arrive():
     changes = np.linalg.norm(np.diff(found, axis=0), axis=1)
     assert np.linalg.norm(found, axis=1).min() > 0.5
     assert changes.max() < 0.02
-
-
-def test_the_force_decays_when_the_simulation_stands_still():
-    scenario = scenario_of(1, 0.004)
-    poses = pushed(scenario, 1.2)
-    servo, ticks = served(scenario, poses)
-    for _ in range(800):
-        next(ticks)
-    assert np.linalg.norm(servo.probe().wrench[3:]) > 0.5
-    gains = []
-    for _ in range(round((HOLD + FADE) / H) + 5):
-        servo.tick()
-        gains.append(servo.probe().gain)
-    assert gains[5] == 1.0
-    assert (np.diff(gains) <= 0).all()
-    assert gains[-1] == 0.0
-    np.testing.assert_array_equal(servo.probe().wrench, 0.0)
-
-
-@pytest.mark.skipif(not hasattr(resource, "RUSAGE_THREAD"), reason="Linux counts the page faults of a thread")
-def test_ticks_in_contact_ask_the_system_for_no_memory():
-    """Python makes objects in each tick, in memory that it has: without growth, and without a page fault."""
-    scenario = scenario_of(3, 4e-3)
-    poses = pushed(scenario, 0.6)
-    servo, ticks = served(scenario, poses)
-    *_, (probe, _) = islice(ticks, len(poses))
-    assert np.linalg.norm(probe.wrench[3:]) > 0.5  # in contact
-
-    def tick(number):
-        for _ in range(number):
-            servo.tick()
-            servo.probe().as_vector()
-
-    gc.collect()
-    gc.disable()  # as in the process of the servo
-    try:
-        tick(500)
-        faults, objects = resource.getrusage(resource.RUSAGE_THREAD).ru_minflt, sys.getallocatedblocks()
-        tick(1000)
-        assert resource.getrusage(resource.RUSAGE_THREAD).ru_minflt == faults
-        assert sys.getallocatedblocks() - objects < 100
-    finally:
-        gc.enable()

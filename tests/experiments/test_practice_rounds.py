@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -76,23 +74,6 @@ def test_a_round_keeps_the_new_skill_only_if_it_beats_the_check(brief, skill):
     assert second.kept == second.check.beats(first.check)
     assert (second.skill is not skill) == second.kept
     assert isinstance(second.skill, ManipulationSkill)
-
-
-class IdleSkill(ManipulationSkill):
-    """A skill that does not move."""
-
-    def act(self, measured, estimate=None):
-        action = super().act(measured, estimate)
-        return replace(action, turn=0 * action.turn, feed=0.0)
-
-
-@pytest.mark.slow
-def test_a_skill_that_no_longer_moves_is_discarded(brief, skill, skill_file, monkeypatch):
-    monkeypatch.setattr(practice_rounds, "advantage_weighted_update", lambda *_: IdleSkill.load(skill_file))
-    rounds = list(improve(brief, skill, SHORT, perform=perform_here))
-    assert not rounds[1].check.results[0].inserted
-    assert not rounds[1].kept
-    assert rounds[1].skill is skill
 
 
 class Result:

@@ -210,8 +210,7 @@ def test_a_killed_live_session_leaves_no_temporary_file(tmp_path):
 
 
 def test_a_folder_of_runs_takes_no_demonstrations(tmp_path):
-    with open_set(tmp_path, SetIndex(RUNS, {}, ("run_0000.parquet",)), overwrite=False) as runs:
-        runs.write("run_0000.parquet", lambda path: write_rig_run(make_rig_run(), path))
+    SetIndex(RUNS, {}).write(tmp_path)
     with pytest.raises(ValueError, match="holds runs, not demonstrations"):
         make_set(tmp_path, 1, overwrite=True)
     with pytest.raises(ValueError, match="holds runs; expected demonstrations"):

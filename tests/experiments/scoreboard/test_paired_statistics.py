@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from statsmodels.stats.contingency_tables import mcnemar
 from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.proportion import proportion_confint
 
@@ -33,9 +32,16 @@ def test_few_sets_and_sets_that_differ_count_as_fewer_trials():
     assert wilson_over_sets([9, 9, 9, 0] * 500, [10] * 2000) == pytest.approx((0.675, 0.675), abs=0.02)
 
 
-def test_signs_of_zero_and_one_give_the_test_of_mcnemar():
-    found = sign_flip_test([1] * 9 + [-1] * 2 + [0] * 30)
-    assert found == pytest.approx(mcnemar([[20, 9], [2, 10]], exact=True).pvalue)
+@pytest.mark.parametrize("sets", [4, 10])
+@pytest.mark.parametrize("likeness", [5.0, 20.0])
+def test_the_interval_covers_the_share_of_all_sets(sets, likeness):
+    """Shares of sets are of a beta distribution with the mean 0.9 and a standard deviation of 0.12 or 0.07; each set
+    performs 25 trials, whose mean has one of up to 0.06.
+    """
+    rng = np.random.default_rng(4)
+    won = rng.binomial(25, rng.beta(0.9 * likeness, 0.1 * likeness, (2000, sets)))
+    covered = [low <= 0.9 <= high for low, high in (wilson_over_sets(row, [25] * sets) for row in won)]
+    assert np.mean(covered) > 0.9
 
 
 def test_the_correction_is_holms():

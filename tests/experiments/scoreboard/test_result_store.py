@@ -1,16 +1,12 @@
 """Reading a folder of results: what is read, what is left out, and what is refused in one line."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from experiments.scoreboard.result_store import read_trials
-from tests.checkout import ROOT
-from tests.experiments.scoreboard.simulated_trials import FAILED, LAW, LEARNT, write_results, write_sweep, write_trials
+from tests.experiments.scoreboard.simulated_trials import FAILED, LAW, LEARNT, write_sweep, write_trials
 
 
 def test_rows_have_their_partition_and_the_types_that_statistics_need(tmp_path):
@@ -127,38 +123,3 @@ def test_a_trial_in_two_scenarios_of_the_same_name_is_named_with_both_files(tmp_
 
 
 # ------------------------------------------------------------ memory
-
-
-@pytest.mark.nightly
-@pytest.mark.slow
-def test_ten_thousand_trials_need_little_memory(tmp_path):
-    """Each row has a scenario of 20 kB, 200 MB in all; reading and summarising adds less than 60 MB."""
-    filler = np.random.default_rng(0).bytes(10_000).hex()
-    for block in range(20):
-        rows = [{"trial": 500 * block + k, "scenario": f"{k} {block} {filler}"} for k in range(500)]
-        write_trials(tmp_path, rows, block=f"{block:04d}")
-    code = """
-import resource, sys
-from pathlib import Path
-from experiments.scoreboard.result_store import read_trials
-from experiments.scoreboard.summary import make_scoreboard
-import tests.experiments.scoreboard.simulated_trials as simulated
-small, large = (Path(a) for a in sys.argv[1:])
-def peak():
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-make_scoreboard(read_trials(small))
-before = peak()
-assert make_scoreboard(read_trials(large)).trials == 10_000
-print(peak() - before)
-"""
-    small = write_results(tmp_path / "small", count=4)
-    done = subprocess.run(
-        [sys.executable, "-c", code, small, tmp_path],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={"PYTHONPATH": str(ROOT), "PATH": "", "OPENBLAS_NUM_THREADS": "1"},
-    )
-    assert done.returncode == 0, done.stderr
-    assert float(done.stdout) < 60.0

@@ -103,15 +103,6 @@ def test_a_write_that_fails_keeps_what_was_there_and_can_be_repeated(tmp_path, m
     assert [path.name for path in block.path.parent.iterdir() if "tmp" in path.name] == []
 
 
-def test_a_file_that_is_no_block_is_named(tmp_path):
-    path = one_block(tmp_path, [7]).path
-    path.parent.mkdir(parents=True)
-    path.write_bytes(b"PAR1 but no Parquet")
-    with pytest.raises(ValueError, match="not a complete Parquet file") as error:
-        one_block(tmp_path, [7])
-    assert str(path) in str(error.value)
-
-
 def test_a_block_under_a_wrong_name_is_refused_and_its_columns_are_those_of_the_schema(tmp_path):
     block = one_block(tmp_path, [7])
     block.add({**made_up_row(7), "train_s": None, "demonstrations": None, "trusted": None})

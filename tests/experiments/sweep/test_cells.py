@@ -67,12 +67,6 @@ def test_a_skill_of_a_file_is_read_once_and_refused_for_another_peg(tmp_path, sk
         read(tmp_path, text.replace("contact.friction: [0.1, 0.3]", "geometry.hole_radius: [0.0101]"))
 
 
-def test_a_thousand_cells_have_keys_of_their_own(tmp_path):
-    text = "policies: {push: {make: 'tests.experiments.sweep.pushes:push'}}\ndesign: {random: 1000}\n"
-    found = read(tmp_path, text + "vary: {contact.friction: {uniform: [0.1, 0.3]}}\n")
-    assert len({cell.digest for cell in found}) == len(found) == 1000
-
-
 def in_engine(engine):
     scenario = load_scenario()
     scenario.contact.engine = engine

@@ -13,9 +13,6 @@ import pytest
 
 from experiments.sweep import cells
 from experiments.sweep.policy_store import PolicyStore
-from experiments.sweep.trial_rows import result_columns
-from experiments.trial.run_trial import run_trials
-from models.scenario import load_scenario
 from skill.manipulation_skill import ManipulationSkill
 from tests.experiments.sweep.conftest import rows_in
 from tests.scripts.commands import ROOT
@@ -28,21 +25,6 @@ pytestmark = pytest.mark.slow
 
 def without_times(rows):
     return rows.drop(columns=TIMES)
-
-
-def test_a_skill_performs_the_trials_of_the_rig(specification, perform, skill_file, scenario_file):
-    path = specification(
-        policies={"mine": {"skill": str(skill_file)}}, engines=["drake"], trials={"first": 84010, "number": 3}
-    )
-    rows = perform(path).sort_values("trial")
-    results = run_trials(
-        load_scenario(scenario_file), ManipulationSkill.load(skill_file), [84010, 84011, 84012], jobs=1
-    )
-    for (_, row), (result, _) in zip(rows.iterrows(), results, strict=True):
-        expected = result_columns(result)
-        assert {name: row[name] for name in expected} == expected
-        assert (row.policy, row.trial_set, row.engine, row.factors) == ("mine", "usual", "drake", "{}")
-        assert row.clearance == pytest.approx(0.005)
 
 
 def test_a_sweep_that_is_given_again_performs_only_what_is_missing(

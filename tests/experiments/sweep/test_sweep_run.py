@@ -11,7 +11,7 @@ from experiments.sweep.cells import cells_of
 from experiments.sweep.policy_store import PolicyStore
 from experiments.sweep.specification import read_specification
 from experiments.sweep.sweep_run import SweepRun
-from experiments.worker_pool import LostWorkerError, local_pool
+from experiments.worker_pool import local_pool
 from models.scenario import dump_scenario
 from tests.experiments.sweep.conftest import rows_in
 from tests.experiments.sweep.made_up_rows import made_up_row
@@ -21,17 +21,14 @@ PUSH = {"make": "tests.experiments.sweep.pushes:push"}
 
 
 class ReadyRows:
-    """Yields rows that nobody has simulated, as a `WorkerPool` yields results; dies at some trials, so many times."""
+    """Yields rows that nobody has simulated, as a `WorkerPool` yields results."""
 
-    def __init__(self, scenario="", deaths=None):
-        self._scenario, self.deaths = scenario, deaths or {}
+    def __init__(self, scenario=""):
+        self._scenario = scenario
 
     def run(self, tasks):
         for task in tasks:
             place = task.args[0]
-            if self.deaths.get(place[1], 0):
-                self.deaths[place[1]] -= 1
-                raise LostWorkerError("killed")
             yield place, made_up_row(place[1], scenario=self._scenario)
 
 
@@ -67,17 +64,6 @@ def test_thousands_of_rows_take_no_memory_that_grows(specification, skill_file, 
     rows = rows_in(tmp_path)
     assert sorted(rows.trial) == list(range(ROWS))
     assert rows.key.is_unique
-
-
-def test_a_lost_worker_costs_its_trial_once_and_what_always_kills_is_given_up(specification, tmp_path):
-    path = specification(policies={"push": PUSH}, trials={"number": 6})
-    todo, store = planned(path, tmp_path)
-    run = SweepRun(todo, store, ReadyRows(deaths={1: 1, 3: 9}), lambda note: None)
-    run.run()
-    assert sorted(rows_in(tmp_path).trial) == [0, 1, 2, 4, 5]
-    assert dict(run.failures) == {"its process died: LostWorkerError: killed": 1}
-    again, _ = planned(path, tmp_path)
-    assert [block.missing for _, block in again] == [{3}]
 
 
 def test_a_block_that_cannot_be_written_costs_no_rows_of_others(specification, tmp_path, monkeypatch):

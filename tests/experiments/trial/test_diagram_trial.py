@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from experiments.trial.run_trial import run_trial, run_trials
 from experiments.trial.trial_set import (
@@ -21,8 +20,6 @@ from experiments.trial.trial_set import (
 from models.clearance import start_of_clearance
 from models.scenario import Scenario, parse_scenario, resolve_scenario
 from skill.features.measurement import contact_loads
-from skill.manipulation_skill import ManipulationSkill
-from skill.policy.rig_policy import Action
 
 
 @pytest.fixture(scope="module")
@@ -47,15 +44,6 @@ def test_a_skill_trained_with_five_demonstrations_inserts(inserted):
     assert result.tilt == tuple(scenario.start.tilt)
 
 
-def test_the_motors_reduced_the_tilt(inserted):
-    scenario, result, run = inserted
-    assert result.steps > 0
-    first, last = run.samples.iloc[0], run.samples.iloc[-1]
-    before = math.hypot(first["pitch"], first["yaw"])
-    assert before == pytest.approx(math.hypot(*scenario.start.tilt), abs=2e-3)
-    assert math.hypot(last["pitch"], last["yaw"]) < 0.4 * before
-
-
 def test_the_result_agrees_with_the_recorded_samples(inserted):
     scenario, result, run = inserted
     s = run.samples
@@ -72,61 +60,12 @@ def test_the_result_agrees_with_the_recorded_samples(inserted):
     noise = 5 * (scenario.sensor.force_bias + max(scenario.sensor.force_noise)) + scenario.sensor.force_quantum
     assert lateral - noise <= result.peak_lateral_force
     assert result.peak_lateral_force < 3 * lateral + 5
-    assert np.abs(s["fz"]).max() - noise <= result.peak_axial_force
-    moment = np.linalg.norm(s[["mx", "my", "mz"]], axis=1).max()
-    lever = 5 * (scenario.sensor.torque_bias + scenario.sensor.height * scenario.sensor.force_bias) + 0.01
-    assert moment - lever <= result.peak_moment < 3 * moment + 0.1
     loads = contact_loads(s[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(), scenario.geometry.peg_radius)
     assert loads.max() <= result.peak_measured_load < 2 * loads.max()  # the sensor is faster than the samples
     assert result.peak_load == pytest.approx(result.peak_measured_load, rel=0.5, abs=5.0)
     assert 1.0 < result.mean_load < result.peak_load
-    assert 0.0 < result.first_touch < 0.05 * result.peak_load
-    start, depth = 1e3 * scenario.start.height, 1e3 * result.depth
-    assert start + depth <= 1e3 * result.path_length < 1.2 * (start + depth)
-    assert 0.0 < result.mean_jerk < 50.0
-    assert result.force_above_20n <= result.time_above_20n
-    assert 0.0 <= result.wedged_time < result.time
-    assert 75.0 + 12.0 < result.field_score < 100.0
     assert result.trusted is (result.penetration <= 0.25 * scenario.geometry.clearance)
     assert run.result == result.record()
-
-
-def test_the_penetration_is_the_overlap_of_the_round_bodies_at_the_recorded_poses(inserted):
-    """The recorded poses lack the lateral deflection of the mount, which bounds the difference."""
-    scenario, result, run = inserted
-    bodies = scenario.geometry.assembly
-    s = run.samples
-    # The hole turns about its pivot, by pitch and then by yaw; the peg stays upright and close to its axis.
-    R_WH = Rotation.from_euler("XY", s[["pitch", "yaw"]].to_numpy())
-    pivot = np.array([0.0, 0.0, scenario.rig.pivot_height])
-    tip = np.column_stack([np.zeros(len(s)), np.zeros(len(s)), s["tip_z"]])
-    p_HP = R_WH.inv().apply(tip - pivot) + pivot
-    unbent = -bodies.gap(p_HP, R_WH.inv().as_matrix()).min()
-    bend = result.peak_lateral_force / scenario.rig.mount_stiffness
-    assert result.penetration == pytest.approx(unbent, abs=bend + 1e-7)
-    assert result.penetration > 1e-6
-
-
-def test_the_contacts_of_the_samples_are_those_of_the_wrench(inserted):
-    """What the normal forces leave of the measured lateral force is friction, noise, filter and delay."""
-    scenario, result, run = inserted
-    s = run.samples
-    places = ("mouth", "tip", "face")
-    forces = np.stack([s[[f"contact_{p}_f{c}" for c in "xyz"]].to_numpy() for p in places], axis=1)
-    points = np.stack([s[[f"contact_{p}_{c}" for c in "xyz"]].to_numpy() for p in places], axis=1)
-    touching = forces.any(axis=2)
-    assert touching[:, 0].any()
-    assert touching[:, 1].any()
-    sizes = np.linalg.norm(forces, axis=2)
-    assert 0.95 * sizes.max() <= result.peak_contact_force
-    rest = np.abs(forces[:, :, :2].sum(axis=1) - s[["fx", "fy"]].to_numpy())
-    allowed = scenario.contact.friction * sizes.sum(axis=1) + 1.0
-    assert (rest.max(axis=1) < allowed).mean() > 0.9
-    # The points lie on the bore; the hole turns by a few degrees about a pivot near its mouth.
-    radius = np.linalg.norm(points[:, :2, :2], axis=2)[touching[:, :2]]
-    np.testing.assert_allclose(radius, scenario.geometry.hole_radius, atol=2e-3)
-    below = s["tip_z"].to_numpy() < -3e-3
-    assert (points[below & touching[:, 0], 0, 2] > s["tip_z"][below & touching[:, 0]] / 2 - 1e-3).all()
 
 
 @pytest.mark.slow
@@ -159,38 +98,6 @@ def test_a_trial_that_runs_out_of_time_has_that_reason(quick_scenario, skill):
     assert (result.inserted, result.reason) == (False, "time over")
     assert result.time == pytest.approx(0.1)
     assert len(run.samples) == 1 + round(0.1 / quick_scenario.controller.period)
-
-
-class NanSkill(ManipulationSkill):
-    """A skill that returns a NaN feed below some depth; picklable for other processes."""
-
-    def act(self, measured, estimate=None):
-        action = super().act(measured, estimate)
-        if self.when_depth_exceeds < -np.asarray(measured)[-1]:
-            return Action(turn=action.turn, feed=math.nan)
-        return action
-
-
-@pytest.fixture
-def nan_skill(skill_file):
-    skill = NanSkill.load(skill_file)
-    skill.when_depth_exceeds = -5e-4  # just before the mouth
-    return skill
-
-
-@pytest.mark.slow
-def test_a_nan_action_ends_one_trial_and_not_the_batch(quick_scenario, nan_skill):
-    quick_scenario.trial.time_limit = 1.0
-    quick_scenario.start.height = 1e-3
-    quick_scenario.start.tilt = [0.0, 0.0]
-    results = list(run_trials(quick_scenario, nan_skill, [0, 1, 2], jobs=1))
-    assert [result.seed for result, _ in results] == [0, 1, 2]
-    for result, run in results:
-        assert not result.inserted
-        assert result.reason.startswith("controller failed: ValueError: the action is not finite")
-        assert 0 < result.time < 1.0
-        assert np.isfinite(run.samples.to_numpy()).all()
-        json.dumps(result.record(), allow_nan=False)  # raises if a number is NaN or infinite
 
 
 def test_a_simulation_that_diverges_ends_its_trial(quick_scenario, skill):

@@ -4,15 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform
 
-from benchmarks.physics.contact_measurements import PegTheory, converged
-from benchmarks.physics.contact_probe import ContactProbe
 from experiments.trial.wedging import WEDGE_FORCE, WEDGE_TIME, wedged_samples, wedged_time
 from models.contact_theory import exact_wedging_tilt, two_point_depth
-from models.scenario import load_scenario
 from skill.data.rig_run import ContactPlace
-from systems.plant.contact_forces import Contact, contact_table, hydroelastic_forces, single_contacts
+from systems.plant.contact_forces import Contact, contact_table
 
 SIZES = {"peg_radius": 0.010, "hole_radius": 0.01005}
 PERIOD = 0.02
@@ -77,36 +73,3 @@ def test_only_wedges_of_a_tenth_of_a_second_count():
     wedged = np.concatenate([np.full(count, state) for count, state in runs])
     assert round(WEDGE_TIME / PERIOD) == 5
     assert wedged_time(wedged, PERIOD) == pytest.approx(12 * PERIOD)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("ratio", "wedged"), [(0.85, False), (1.25, True)])
-def test_a_simulated_peg_that_stays_squeezed_is_wedged(ratio, wedged):
-    """A moment squeezes the peg by 10 N at each contact and is removed; a wedged peg keeps its squeeze."""
-    friction, force = 0.3, 10.0
-    scenario = converged(load_scenario("nominal"), friction)
-    scenario.contact.modulus = 1e11
-    probe = ContactProbe(scenario, mass=0.15, inertia=3e-5, damping=(0.0, 0.0, 0.002))
-    sizes = PegTheory.of(scenario)
-    kept = []
-    tilt = ratio * exact_wedging_tilt(friction=friction, peg_radius=sizes.r, hole_radius=sizes.R)
-
-    def contacts():
-        context = probe.plant.GetMyContextFromRoot(probe._simulator.get_context())
-        peg, block = (probe.plant.GetBodyByName(name) for name in ("peg", "block"))
-        parts = hydroelastic_forces(
-            probe.plant, context, peg=peg, block=block, dissipation=scenario.contact.dissipation
-        )
-        X_WP = peg.EvalPoseInWorld(context)
-        return single_contacts(parts, RigidTransform(), X_WP, chamfer=scenario.geometry.chamfer)
-
-    depth = float(two_point_depth(tilt, peg_radius=sizes.r, hole_radius=sizes.R))
-    probe.hold()
-    probe.place(sizes.two_point_pose(tilt, depth))
-    for part in (1.0, 0.5, 0.0):
-        probe.load(0.0, 0.0, part * force * depth)
-        probe.step(round((0.15 if part == 1.0 else 0.02) / probe.time_step))
-        kept.append(is_wedged(contacts(), friction))
-    assert kept[-1] is wedged
-    if wedged:
-        assert all(kept)
