@@ -4,6 +4,8 @@ It is the diagram of `systems.rig` with the exact engine and a skill: the same s
 order. As in Drake's Simulator, the updates that are due at a time are computed from the state before them, the
 controller's first; rows and the monitor see the state before the updates of their time. Two multiples of different
 periods that differ by round-off are two times, as they are for the Simulator.
+
+At each time the loop observes (`observe`, `log`), judges whether the trial has ended (`judge`), and updates (`update`).
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from skill.arrays import Array
 from skill.data.outcome import Outcome
 from skill.data.rig_run import LOGGED_COLUMNS
 from skill.features.measurement import load_of_components
-from skill.skill_step import SkillNumbers, skill_step
+from skill.skill_step import SkillAnswer, SkillNumbers, skill_step
 from systems.law import dc_motor, drive_monitor, sensor_monitor, stepper_motor, watchdog
 from systems.law.back_off import BackOffState
 from systems.law.dc_motor import Drive, carriage_force, counted_travel, dc_motor_step
@@ -50,9 +52,13 @@ from systems.plant.exact_contact import STEPS
 from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, tip_in_hole
 from systems.rig_diagram import start_angles
 
+ROW = np.dtype([(name, float) for name in LOGGED_COLUMNS])
+"""A row of what the rig logs."""
+
+GOES_ON = -1
 TIME_OVER, INSERTED, FAULT, JAMMED, DIVERGED, FAILED = range(6)
 OUTCOMES = (Outcome.TIME_OVER, Outcome.INSERTED, Outcome.FAULT, Outcome.JAMMED, Outcome.DIVERGED, Outcome.FAILED)
-"""How the loop ends; `FAILED` if the policy returned an action that is not finite."""
+"""How a trial ends, `GOES_ON` while it does not; `FAILED` if the policy returned an action that is not finite."""
 
 
 class RigNumbers(NamedTuple):
@@ -136,12 +142,12 @@ class Trace(NamedTuple):
     """What a trial leaves, with a row for each controller period and one for each step of the plant.
 
     Attributes:
-        rows: (M, columns), `LOGGED_COLUMNS`.
-        seen: (L,), numbers of contacts when the monitor looked.
+        rows: (M,), each a `ROW`.
+        seen: (L,), numbers of contacts once a controller period.
         contacts: (L, MAX_JOINED, JOINED_SIZE), these contacts, see `join_contacts`.
-        penetration: deepest overlap of the bodies at the same times, m.
         tips: (N, 3), centre of the tip in H.
         wrenches: (N, 6), true contact wrench on the peg about the tip; that of the first step does not count.
+        penetration: deepest overlap of the bodies once a controller period, m.
         peak_contact: largest force of a single contact, N.
         peak_load: largest measured load, N.
         outcome: how it ended, a number of `OUTCOMES`.
@@ -151,12 +157,12 @@ class Trace(NamedTuple):
         back_off: state of the back-off at the end.
     """
 
-    rows: Array
+    rows: NDArray[np.void]
     seen: NDArray[np.int64]
     contacts: Array
-    penetration: float
     tips: Array
     wrenches: Array
+    penetration: float
     peak_contact: float
     peak_load: float
     outcome: int
@@ -166,11 +172,83 @@ class Trace(NamedTuple):
     back_off: BackOffState
 
 
-def roll_out(rig: RigNumbers, scenario: Scenario, skill: SkillNumbers) -> Trace:
-    """Performs the trial of a resolved scenario; ``rig`` is that of this scenario."""
-    ticks = 1 + round(rig.time_limit / rig.sensor_period)
-    noise = standard_normals(scenario.seed, SENSOR_NOISE, ticks, 12)
-    return perform(rig, skill, ControllerState(), noise, drawn_bias(scenario.sensor, scenario.seed))
+TALLY = np.dtype(
+    [(name, int) for name in ("rows", "looks", "steps", "last_step")]
+    + [(name, float) for name in ("next_look", "load", "extent", "peak_contact", "penetration")]
+)
+"""What the judge remembers: how much is filled of `Record`; the number of the last step of the plant and the time of
+the next look at contacts, s; the largest load and extent so far, N (see `needs_contacts`); two figures of `Trace`."""
+
+
+class Record(NamedTuple):
+    """What a trial leaves while it goes on; the arrays are longer than what is filled. See `Trace`.
+
+    Attributes:
+        tally: (1,), a `TALLY`; an array, since compiled code does not own a single element.
+    """
+
+    rows: NDArray[np.void]
+    seen: NDArray[np.int64]
+    contacts: Array
+    tips: Array
+    wrenches: Array
+    tally: NDArray[np.void]
+
+
+class RigState(NamedTuple):
+    """The rig between two updates.
+
+    Attributes:
+        q, v: positions and speeds of the engine; the only arrays that the update changes.
+        held: (6,), wrench in which the sensor holds the peg, N and N m.
+        extent: sum of the contact forces of the last step, N.
+        sensor, monitor, drive, dog, guard, motor: of the steps of the law.
+        axes: (3, size), of the steppers.
+        memory: of the skill.
+        control: of the controller.
+    """
+
+    q: Array
+    v: Array
+    held: Array
+    extent: float
+    sensor: Array
+    monitor: Array
+    drive: Array
+    dog: Array
+    guard: Array
+    motor: Array
+    axes: Array
+    memory: Array
+    control: ControllerState
+
+
+class Observation(NamedTuple):
+    """What the outputs of the rig show.
+
+    Attributes:
+        depth: that the encoder counts, m.
+        reading: (6,), of the sensor, about the tip.
+        wrench: (6,), the reading, or what the sensor monitor passes on in its place.
+        sound: likewise, of the depth, m.
+        force: of the drive on the carriage, N.
+        equilibrium: (3,), angles to which the steppers pull, rad.
+    """
+
+    depth: float
+    reading: Array
+    wrench: Array
+    sound: float
+    force: float
+    equilibrium: Array
+
+
+class Due(NamedTuple):
+    """Whose updates are due at a time."""
+
+    sensor: bool
+    plant: bool
+    control: bool
 
 
 class Contacts(NamedTuple):
@@ -182,13 +260,73 @@ class Contacts(NamedTuple):
 
 
 @compiled
-def _contacts(rig: RigNumbers, q: Array, v: Array, force: float, equilibrium: Array) -> Contacts:
-    """Returns the contacts at positions and velocities of the engine; see `ExactPlant.contacts`."""
-    later, speeds, m = q.copy(), v.copy(), rig.mechanics
-    _, found, points, normals, forces = advance_rig(
-        rig.bodies, m, later, speeds, force, equilibrium, rig.plant_period / STEPS, 1
+def first_state(rig: RigNumbers, skill: SkillNumbers, control: ControllerState) -> RigState:
+    """Returns the state at the start, in which the sensor holds the weight of the peg."""
+    q, held = np.zeros(FREEDOMS), np.zeros(6)
+    q[0], q[3:] = rig.start[0], rig.start[1:]
+    held[2] = rig.weight
+    return RigState(
+        q=q,
+        v=np.zeros(FREEDOMS),
+        held=held,
+        extent=0.0,
+        sensor=np.zeros(12 + 6 * (rig.sensor.delay + 1)),
+        monitor=np.zeros(sensor_monitor.SIZE),
+        drive=np.zeros(drive_monitor.SIZE),
+        dog=np.zeros(watchdog.SIZE),
+        guard=np.zeros(GUARD_SIZE),
+        motor=np.zeros(dc_motor.SIZE),
+        axes=np.zeros((3, stepper_motor.SIZE)),
+        memory=skill.memory.copy(),
+        control=control,
     )
-    R, tip = tip_in_hole(m, q)
+
+
+@compiled
+def observe(rig: RigNumbers, state: RigState) -> Observation:
+    """Returns what the outputs show."""
+    depth = round((rig.home - state.q[0]) / rig.encoder_resolution) * rig.encoder_resolution
+    reading = wrench_at_tip(state.sensor[-6:].copy(), rig.sensor.height)
+    equilibrium = np.zeros(3)
+    for k in range(rig.steppers):
+        equilibrium[k] = rig.start[1 + k] + equilibrium_angle(rig.axis, state.axes[k])
+    return Observation(
+        depth=depth,
+        reading=reading,
+        wrench=sound_wrench(rig.readings, state.monitor, reading),
+        sound=sound_depth(state.monitor, depth),
+        force=carriage_force(rig.drive, state.motor[dc_motor.CURRENT], state.v[0]),
+        equilibrium=equilibrium,
+    )
+
+
+@compiled
+def log(row: np.void, rig: RigNumbers, state: RigState, time: float, shown: Observation, answer: SkillAnswer) -> None:
+    """Fills a row."""
+    row["time"] = time
+    row["fx"], row["fy"], row["fz"] = shown.wrench[0], shown.wrench[1], shown.wrench[2]
+    row["mx"], row["my"], row["mz"] = shown.wrench[3], shown.wrench[4], shown.wrench[5]
+    row["depth"] = shown.sound
+    row["state"], row["known"] = float(answer.state), 1.0 if answer.known else 0.0
+    row["target_pitch"], row["target_yaw"] = state.guard[PITCH], state.guard[YAW]
+    row["target_clocking"], row["feed_speed"] = state.guard[CLOCKING], state.guard[FEED_SPEED]
+    row["back_off"], row["turning"] = state.control.back_off.mode, state.control.turning
+    row["support"], row["fault"] = state.control.support, state.dog[watchdog.FAULT]
+    taken, lost = state.axes[:, stepper_motor.TAKEN], state.axes[:, stepper_motor.LOST]
+    row["pitch_taken"], row["yaw_taken"], row["clocking_taken"] = taken[0], taken[1], taken[2]
+    row["pitch_lost"], row["yaw_lost"], row["clocking_lost"] = lost[0], lost[1], lost[2]
+    row["tip_z"] = state.q[0] - rig.home
+    row["pitch"], row["yaw"], row["clocking"] = state.q[3], state.q[4], state.q[5]
+
+
+@compiled
+def look(rig: RigNumbers, state: RigState, shown: Observation) -> Contacts:
+    """Returns the contacts; see `ExactPlant.contacts`."""
+    later, speeds, m = state.q.copy(), state.v.copy(), rig.mechanics
+    _, found, points, normals, forces = advance_rig(
+        rig.bodies, m, later, speeds, shown.force, shown.equilibrium, rig.plant_period / STEPS, 1
+    )
+    R, tip = tip_in_hole(m, state.q)
     p = -m.pivot * R[:, 2]
     p[2] += m.pivot
     count, contacts = join_contacts(points[:found], normals[:found], forces[:found], R, p, tip[2], rig.bodies.chamfer)
@@ -196,9 +334,167 @@ def _contacts(rig: RigNumbers, q: Array, v: Array, force: float, equilibrium: Ar
 
 
 @compiled
-def _depth(rig: RigNumbers, position: float) -> float:
-    """Returns the depth that the encoder counts at a position of the carriage."""
-    return round((rig.home - position) / rig.encoder_resolution) * rig.encoder_resolution
+def judge(rig: RigNumbers, state: RigState, time: float, shown: Observation, record: Record) -> int:
+    """Records what the monitor of the trial sees, and returns how the trial has ended, or `GOES_ON`."""
+    tally = record.tally[0]
+    if time >= tally["next_look"] - 1e-9:
+        tally["next_look"] += rig.control_period
+        found = look(rig, state, shown)
+        record.seen[tally["looks"]], record.contacts[tally["looks"]] = found.number, found.contacts
+        tally["looks"] += 1
+        tally["penetration"] = max(tally["penetration"], found.overlap)
+        if found.number > 0:
+            tally["peak_contact"] = max(tally["peak_contact"], found.contacts[0, FORCE])
+        if is_stopped(rig.retract, state.dog):
+            return FAULT
+        if state.control.given_up != 0.0 and state.dog[watchdog.FAULT] == 0.0:
+            return JAMMED
+    step = math.ceil(time / rig.plant_period - 1e-6)
+    if step == tally["last_step"]:
+        return GOES_ON
+    tally["last_step"] = step
+    tare = np.zeros(6)
+    tare[2] = rig.weight
+    true = wrench_at_tip(tare - state.held, rig.sensor.height)
+    size = math.sqrt(true[0] ** 2 + true[1] ** 2 + true[2] ** 2)
+    deep = rig.mechanics.sensor - state.q[0]
+    if not (np.isfinite(true).all() and math.isfinite(deep)) or size > DIVERGENCE_FORCE:
+        return DIVERGED
+    record.tips[tally["steps"]] = tip_in_hole(rig.mechanics, state.q)[1]
+    record.wrenches[tally["steps"]] = true
+    tally["steps"] += 1
+    if time > 0.0:
+        load = load_of_components(true[0], true[1], true[2], true[3], true[4], true[5], rig.guard.lever)
+        if needs_contacts(load, state.extent, tally["load"], tally["extent"]):
+            tally["load"], tally["extent"] = max(load, tally["load"]), max(state.extent, tally["extent"])
+            found = look(rig, state, shown)
+            if found.number > 0:
+                tally["peak_contact"] = max(tally["peak_contact"], found.contacts[0, FORCE])
+    return INSERTED if deep >= rig.full_depth else GOES_ON
+
+
+@compiled
+def is_finite(answer: SkillAnswer) -> bool:
+    """Returns whether an action can be performed."""
+    return bool(np.isfinite(answer.turn).all() and math.isfinite(answer.spin + answer.feed + answer.support))
+
+
+@compiled
+def act(rig: RigNumbers, state: RigState, shown: Observation, answer: SkillAnswer) -> ControllerState:
+    """Returns the state of the controller after an action."""
+    return policy_controller_step(
+        rig.control,
+        state.control,
+        answer.turn,
+        answer.spin,
+        answer.feed,
+        answer.support,
+        shown.wrench,
+        shown.sound,
+        answer.known,
+        float(answer.state),
+        state.guard[PITCH],
+        state.guard[YAW],
+    )
+
+
+def roll_out(rig: RigNumbers, scenario: Scenario, skill: SkillNumbers) -> Trace:
+    """Performs the trial of a resolved scenario; ``rig`` is that of this scenario."""
+    ticks = 1 + round(rig.time_limit / rig.sensor_period)
+    noise = standard_normals(scenario.seed, SENSOR_NOISE, ticks, 12)
+    return perform(rig, skill, ControllerState(), noise, drawn_bias(scenario.sensor, scenario.seed))
+
+
+@compiled
+def update(
+    rig: RigNumbers,
+    state: RigState,
+    time: float,
+    due: Due,
+    shown: Observation,
+    answer: SkillAnswer,
+    noise: Array,
+    bias: Array,
+) -> RigState:
+    """Returns the state after the updates that are due, each computed from the state before them.
+
+    Args:
+        rig: the rig.
+        state: before; its ``q`` and ``v`` are changed.
+        time: s.
+        due: what is updated.
+        shown: of this state.
+        answer: of the skill to this observation, if the controller is due.
+        noise: (12,), of the sensor, for this sample.
+        bias: (6,), of the sensor.
+    """
+    control, dog, memory = state.control, state.dog, state.memory
+    sensor, monitor, guard = state.sensor, state.monitor, state.guard
+    drive, motor, axes, held, extent = state.drive, state.motor, state.axes, state.held, state.extent
+    turned = np.zeros(3)  # of the shafts, from their start
+    for k in range(rig.steppers):
+        turned[k] = state.q[3 + k] - rig.start[1 + k]
+    if due.control:
+        if control.given_up == 0.0:
+            control = act(rig, state, shown, answer)
+        shafts = np.zeros((rig.steppers, 2))
+        for k in range(rig.steppers):
+            shafts[k] = shaft_angles(rig.axis, state.axes[k], turned[k])
+        faults = np.array((state.monitor[sensor_monitor.FAULT], state.drive[drive_monitor.FAULT]))
+        dog = watchdog_step(rig.retract, state.dog, faults, False, shafts)
+        memory = answer.memory
+    if due.sensor:
+        load = state.held.copy()
+        load[2] -= rig.weight
+        sensor = wrench_sensor_step(rig.sensor, state.sensor, load, bias, noise)
+        monitor = sensor_monitor_step(rig.readings, state.monitor, shown.reading, shown.depth, time)
+        guard = force_guard_step(
+            rig.guard,
+            rig.stopping,
+            state.guard,
+            shown.wrench,
+            shown.sound,
+            passed_command(rig.retract, state.dog, watchdog.PITCH_RATE, control.pitch_rate),
+            passed_command(rig.retract, state.dog, watchdog.YAW_RATE, control.yaw_rate),
+            passed_command(rig.retract, state.dog, watchdog.CLOCKING_RATE, control.clocking_rate),
+            passed_command(rig.retract, state.dog, watchdog.FEED, control.feed_speed),
+            passed_command(rig.retract, state.dog, watchdog.UNWINDING, control.unwinding) > 0.0,
+            is_blind(state.dog),
+        )
+    if due.plant:
+        command, current = state.guard[FEED_SPEED], state.motor[dc_motor.CURRENT]
+        travel = counted_travel(rig.drive, state.q[0])
+        drive = drive_monitor_step(rig.feed, state.drive, command, shown.wrench, shown.sound, current, travel)
+        motor = dc_motor_step(rig.drive, state.motor, command, state.v[0], is_enabled(state.drive))
+        axes = state.axes.copy()
+        for k in range(rig.steppers):
+            axes[k] = stepper_step(rig.axis, state.axes[k], state.guard[PITCH + k], turned[k])
+        held, found, _, _, forces = advance_rig(
+            rig.bodies,
+            rig.mechanics,
+            state.q,
+            state.v,
+            shown.force,
+            shown.equilibrium,
+            rig.plant_period / STEPS,
+            STEPS,
+        )
+        extent = forces[:found].sum()
+    return RigState(
+        q=state.q,
+        v=state.v,
+        held=held,
+        extent=extent,
+        sensor=sensor,
+        monitor=monitor,
+        drive=drive,
+        dog=dog,
+        guard=guard,
+        motor=motor,
+        axes=axes,
+        memory=memory,
+        control=control,
+    )
 
 
 @compiled
@@ -212,178 +508,53 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
         noise: (ticks, 12), of the sensor.
         bias: (6,), of the sensor.
     """
-    limit, h = rig.time_limit, rig.plant_period
-    M, N = 3 + int(limit / rig.control_period), 3 + int(limit / h)
-    rows, n_rows = np.zeros((M, len(LOGGED_COLUMNS))), 0
-    seen, contacts, n_seen = np.zeros(M, np.int64), np.zeros((M, MAX_JOINED, JOINED_SIZE)), 0
-    tips, wrenches, n_steps = np.zeros((N, 3)), np.zeros((N, 6)), 0
-    largest_load, largest_extent, peak_contact, penetration = 0.0, 0.0, 0.0, 0.0
-    next_look, last_step = 0.0, -1
-
-    q, v = np.zeros(FREEDOMS), np.zeros(FREEDOMS)
-    q[0], q[3:] = rig.start[0], rig.start[1:]
-    held, extent = np.zeros(6), 0.0
-    held[2] = rig.weight
-    tare = held.copy()
-    sensor = np.zeros(12 + 6 * (rig.sensor.delay + 1))
-    monitor, drive_state = np.zeros(sensor_monitor.SIZE), np.zeros(drive_monitor.SIZE)
-    dog, guard, motor = np.zeros(watchdog.SIZE), np.zeros(GUARD_SIZE), np.zeros(dc_motor.SIZE)
-    n_axes = rig.steppers
-    axes, shafts = np.zeros((3, stepper_motor.SIZE)), np.zeros((n_axes, 2))
-    memory = skill.memory.copy()
-    failed = False
-
-    periods = np.array([rig.sensor_period, h, rig.control_period])
+    limit = rig.time_limit
+    M, N = 3 + int(limit / rig.control_period), 3 + int(limit / rig.plant_period)
+    record = Record(
+        rows=np.zeros(M, ROW),
+        seen=np.zeros(M, np.int64),
+        contacts=np.zeros((M, MAX_JOINED, JOINED_SIZE)),
+        tips=np.zeros((N, 3)),
+        wrenches=np.zeros((N, 6)),
+        tally=np.zeros(1, TALLY),
+    )
+    tally = record.tally[0]
+    tally["last_step"] = -1
+    state = first_state(rig, skill, control)
+    periods = np.array((rig.sensor_period, rig.plant_period, rig.control_period))
     ticks = np.zeros(3, np.int64)
-    row_tick = 0
-    time, outcome = 0.0, TIME_OVER
-    equilibrium, measured = np.zeros(3), np.zeros(7)
+    time, measured = 0.0, np.zeros(7)
     while True:
-        # What the outputs show at this time.
-        depth = _depth(rig, q[0])
-        reading = wrench_at_tip(sensor[-6:].copy(), rig.sensor.height)
-        wrench, sound = sound_wrench(rig.readings, monitor, reading), sound_depth(monitor, depth)
-        for k in range(n_axes):
-            equilibrium[k] = rig.start[1 + k] + equilibrium_angle(rig.axis, axes[k])
-        force = carriage_force(rig.drive, motor[dc_motor.CURRENT], v[0])
-        logs = time == row_tick * rig.control_period
-        acts = time == ticks[2] * periods[2]
-        if logs or acts:
-            measured[:6], measured[6] = wrench, -sound
-            answer = skill_step(skill, memory, measured)
+        shown = observe(rig, state)
+        due = Due(time == ticks[0] * periods[0], time == ticks[1] * periods[1], time == ticks[2] * periods[2])
+        logs = time == tally["rows"] * rig.control_period
+        if logs or due.control:
+            measured[:6], measured[6] = shown.wrench, -shown.sound
+            answer = skill_step(skill, state.memory, measured)
         if logs:
-            rows[n_rows, :24] = np.array(  # in the order of `LOGGED_COLUMNS`, in tuples short enough for numba
-                (
-                    time, wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5], sound,
-                    float(answer.state), 1.0 if answer.known else 0.0,
-                    guard[PITCH], guard[YAW], guard[FEED_SPEED],
-                    control.back_off.mode, control.support, dog[watchdog.FAULT],
-                    axes[0, stepper_motor.TAKEN], axes[0, stepper_motor.LOST],
-                    axes[1, stepper_motor.TAKEN], axes[1, stepper_motor.LOST],
-                    q[0] - rig.home, q[3], q[4],
-                    control.turning,
-                )
-            )  # fmt: skip
-            rows[n_rows, 24:] = np.array(
-                (guard[CLOCKING], axes[2, stepper_motor.TAKEN], axes[2, stepper_motor.LOST], q[5])
-            )
-            n_rows += 1
-            row_tick += 1
-
-        # The monitor of the trial.
-        ended = False
-        if time >= next_look - 1e-9:
-            next_look += rig.control_period
-            look = _contacts(rig, q, v, force, equilibrium)
-            seen[n_seen], contacts[n_seen] = look.number, look.contacts
-            penetration = max(penetration, look.overlap)
-            n_seen += 1
-            if look.number > 0:
-                peak_contact = max(peak_contact, look.contacts[0, FORCE])
-            if is_stopped(rig.retract, dog):
-                outcome, ended = FAULT, True
-            elif control.given_up != 0.0 and dog[watchdog.FAULT] == 0.0:
-                outcome, ended = JAMMED, True
-        step = math.ceil(time / h - 1e-6)
-        if not ended and step != last_step:
-            last_step = step
-            true = wrench_at_tip(tare - held, rig.sensor.height)
-            size = math.sqrt(true[0] ** 2 + true[1] ** 2 + true[2] ** 2)
-            deep = rig.mechanics.sensor - q[0]
-            if not (np.isfinite(true).all() and math.isfinite(deep)) or size > DIVERGENCE_FORCE:
-                outcome, ended = DIVERGED, True
-            else:
-                tips[n_steps], wrenches[n_steps] = tip_in_hole(rig.mechanics, q)[1], true
-                n_steps += 1
-                if time > 0.0:
-                    load = load_of_components(true[0], true[1], true[2], true[3], true[4], true[5], rig.guard.lever)
-                    if needs_contacts(load, extent, largest_load, largest_extent):
-                        largest_load, largest_extent = max(load, largest_load), max(extent, largest_extent)
-                        look = _contacts(rig, q, v, force, equilibrium)
-                        if look.number > 0:
-                            peak_contact = max(peak_contact, look.contacts[0, FORCE])
-                if deep >= rig.full_depth:
-                    outcome, ended = INSERTED, True
-        if ended or time >= limit:
+            log(record.rows[tally["rows"]], rig, state, time, shown, answer)
+            tally["rows"] += 1
+        ending = judge(rig, state, time, shown, record)
+        acts = due.control and state.control.given_up == 0.0
+        if ending == GOES_ON and time < limit and acts and not is_finite(answer):
+            ending = FAILED
+        if ending != GOES_ON or time >= limit:
             break
-
-        # The updates of this time, from the state before them.
-        if acts:
-            if not (failed or control.given_up != 0.0):
-                if np.isfinite(answer.turn).all() and math.isfinite(answer.spin + answer.feed + answer.support):
-                    control = policy_controller_step(
-                        rig.control,
-                        control,
-                        answer.turn,
-                        answer.spin,
-                        answer.feed,
-                        answer.support,
-                        wrench,
-                        sound,
-                        answer.known,
-                        float(answer.state),
-                        guard[PITCH],
-                        guard[YAW],
-                    )
-                else:
-                    outcome = FAILED
-                    break
-            ticks[2] += 1
-        samples, drives = time == ticks[0] * periods[0], time == ticks[1] * periods[1]
-        new_sensor, new_monitor, new_guard = sensor, monitor, guard
-        new_drive, new_motor, new_axes, new_dog = drive_state, motor, axes, dog
-        current, travel = motor[dc_motor.CURRENT], counted_travel(rig.drive, q[0])
-        if samples:
-            new_sensor = wrench_sensor_step(rig.sensor, sensor, held - tare, bias, noise[ticks[0]])
-            new_monitor = sensor_monitor_step(rig.readings, monitor, reading, depth, time)
-            new_guard = force_guard_step(
-                rig.guard,
-                rig.stopping,
-                guard,
-                wrench,
-                sound,
-                passed_command(rig.retract, dog, watchdog.PITCH_RATE, control.pitch_rate),
-                passed_command(rig.retract, dog, watchdog.YAW_RATE, control.yaw_rate),
-                passed_command(rig.retract, dog, watchdog.CLOCKING_RATE, control.clocking_rate),
-                passed_command(rig.retract, dog, watchdog.FEED, control.feed_speed),
-                passed_command(rig.retract, dog, watchdog.UNWINDING, control.unwinding) > 0.0,
-                is_blind(dog),
-            )
-            ticks[0] += 1
-        if acts:
-            for k in range(n_axes):
-                shafts[k] = shaft_angles(rig.axis, axes[k], q[3 + k] - rig.start[1 + k])
-            faults = np.zeros(2)
-            faults[0], faults[1] = monitor[sensor_monitor.FAULT], drive_state[drive_monitor.FAULT]
-            new_dog = watchdog_step(rig.retract, dog, faults, failed, shafts)
-            memory = answer.memory
-        if drives:
-            command = guard[FEED_SPEED]
-            new_drive = drive_monitor_step(rig.feed, drive_state, command, wrench, sound, current, travel)
-            new_motor = dc_motor_step(rig.drive, motor, command, v[0], is_enabled(drive_state))
-            new_axes = axes.copy()
-            for k in range(n_axes):
-                new_axes[k] = stepper_step(rig.axis, axes[k], guard[PITCH + k], q[3 + k] - rig.start[1 + k])
-            held, found, _, _, forces = advance_rig(
-                rig.bodies, rig.mechanics, q, v, force, equilibrium, h / STEPS, STEPS
-            )
-            extent = forces[:found].sum()
-            ticks[1] += 1
-        sensor, monitor, guard = new_sensor, new_monitor, new_guard
-        drive_state, motor, axes, dog = new_drive, new_motor, new_axes, new_dog
-        time = min((ticks * periods).min(), row_tick * rig.control_period, limit)
+        state = update(rig, state, time, due, shown, answer, noise[ticks[0]], bias)
+        ticks += np.array((due.sensor, due.plant, due.control))
+        time = min((ticks * periods).min(), tally["rows"] * rig.control_period, limit)
     return Trace(
-        rows[:n_rows],
-        seen[:n_seen],
-        contacts[:n_seen],
-        penetration,
-        tips[:n_steps],
-        wrenches[:n_steps],
-        peak_contact,
-        guard[PEAK],
-        outcome,
-        int(dog[watchdog.FAULT]),
-        time,
-        rig.mechanics.sensor - q[0],
-        control.back_off,
+        rows=record.rows[: tally["rows"]],
+        seen=record.seen[: tally["looks"]],
+        contacts=record.contacts[: tally["looks"]],
+        tips=record.tips[: tally["steps"]],
+        wrenches=record.wrenches[: tally["steps"]],
+        penetration=tally["penetration"],
+        peak_contact=tally["peak_contact"],
+        peak_load=state.guard[PEAK],
+        outcome=TIME_OVER if ending == GOES_ON else ending,
+        fault=int(state.dog[watchdog.FAULT]),
+        time=time,
+        depth=rig.mechanics.sensor - state.q[0],
+        back_off=state.control.back_off,
     )

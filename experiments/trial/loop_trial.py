@@ -15,7 +15,6 @@ from experiments.trial.motion_metrics import motion_figures
 from models.arm import RIG
 from models.scenario import Scenario
 from skill.data.outcome import Outcome
-from skill.data.rig_run import LOGGED_COLUMNS
 from skill.policy.rig_policy import RigPolicy
 from skill.skill_step import skill_numbers
 from systems.law.back_off import attempts_text
@@ -64,7 +63,7 @@ def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTr
         failure="",
         time=trace.time,
         depth=trace.depth,
-        samples=pd.DataFrame(trace.rows, columns=list(LOGGED_COLUMNS)),
+        samples=pd.DataFrame(trace.rows),
         forces=force_figures(trace.wrenches[1:], scenario.geometry.reach, step, trace.peak_contact, trace.peak_load),
         motion=motion_figures(trace.tips, step, scenario.geometry.hole_depth),
         penetration=trace.penetration,
