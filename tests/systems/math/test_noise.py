@@ -32,15 +32,6 @@ def test_streams_seeds_and_ticks_are_independent(series):
         assert abs(np.corrcoef(series[a][:-1], series[a][1:])[0, 1]) < 5 / np.sqrt(N), a
 
 
-def test_a_draw_depends_on_its_arguments_only():
-    first = standard_normal(3, "a", 4, 6)
-    standard_normal(9, "b", 1, 100)
-    np.testing.assert_array_equal(standard_normal(3, "a", 4, 6), first)
-    for other in (standard_normal(4, "a", 4, 6), standard_normal(3, "b", 4, 6), standard_normal(3, "a", 5, 6)):
-        assert not np.isin(other, first).any()
-    assert len(set(first)) == 6
-
-
 def test_the_order_of_the_ticks_does_not_matter():
     ticks = np.arange(3 * BLOCK)
     ordered = np.array([standard_normal(3, "a", tick, 2) for tick in ticks])

@@ -12,7 +12,6 @@ from interfaces.live.messages import Outbox
 from systems.math.rotation import from_rotation_vector
 from systems.operators.page_hand import (
     HIGH,
-    IDLE,
     LOW,
     MAX_RATES,
     MAX_STEP,
@@ -53,10 +52,10 @@ class Person:
     def slide(self, k, value):
         self.event(type="slider", name=LABELS[k], value=value)
 
-    def push(self, axes=4, index=0, **sticks):
+    def push(self, **sticks):
         """Deflects the named axes of the gamepad: left_x, left_y, right_x, right_y."""
-        values = [sticks.get(name, 0.0) for name in ("left_x", "left_y", "right_x", "right_y")]
-        self.event(type="gamepad", name="", gamepad={"index": index, "axes": values[:axes] + [0.0] * (axes - 4)})
+        axes = [sticks.get(name, 0.0) for name in ("left_x", "left_y", "right_x", "right_y")]
+        self.event(type="gamepad", name="", gamepad={"index": 0, "axes": axes})
 
     def wait(self, seconds):
         """Returns the coordinates of the hand after a time."""
@@ -75,18 +74,16 @@ def test_the_hand_starts_exactly_at_its_pose_and_the_sliders_show_it():
     np.testing.assert_allclose(person.hand.read_pose().GetAsMatrix34(), START.GetAsMatrix34(), atol=1e-12)
 
 
-@pytest.mark.parametrize("k", range(5))
-def test_the_hand_follows_a_slider_at_no_more_than_its_maximum_rate(k):
+@pytest.mark.parametrize(
+    ("k", "rate"), [(0, 0.025), (1, math.radians(8.0)), (2, math.radians(8.0)), (3, 0.010), (4, 0.010)]
+)
+def test_the_hand_follows_a_slider_at_no_more_than_its_maximum_rate(k, rate):
     person = Person()
     person.slide(k, 4.0)
     moved = person.wait(0.01)
-    assert moved[k] == pytest.approx(0.01 * MAX_RATES[k], rel=1e-6)
+    assert moved[k] == pytest.approx(0.01 * rate, rel=1e-6)
     np.testing.assert_allclose(np.delete(moved, k), 0.0, atol=1e-9)
     assert person.wait(1.2)[k] == pytest.approx(4.0 * UNITS[k], rel=1e-6)
-
-
-def test_the_hand_feeds_25_mm_tilts_8_degrees_and_moves_10_mm_in_a_second():
-    np.testing.assert_allclose(MAX_RATES, [0.025, math.radians(8.0), math.radians(8.0), 0.010, 0.010])
 
 
 def test_a_near_target_is_approached_without_a_jump():
@@ -140,18 +137,12 @@ def test_the_right_stick_feeds_and_the_left_stick_tilts(stick, slider, sign, def
     np.testing.assert_allclose(np.sign(np.round(person.wait(0.2), 9)), np.sign(expected))
 
 
-@pytest.mark.parametrize(("deflection", "moves"), [(0.11, False), (-0.13, True)])
-def test_a_stick_works_from_12_percent_of_its_deflection(deflection, moves):
-    assert IDLE == 0.12
+@pytest.mark.parametrize(
+    ("axes", "moves"), [([0.11] * 4, False), ([-0.13] * 4, True), ([0.5] * 3, False), ([0.5] * 6, True)]
+)
+def test_a_gamepad_with_two_sticks_works_from_12_percent_of_their_deflection(axes, moves):
     person = Person()
-    person.push(left_y=deflection)
-    assert (person.wait(0.2) != 0.0).any() == moves
-
-
-@pytest.mark.parametrize(("number", "moves"), [(3, False), (6, True)])
-def test_only_a_gamepad_with_two_sticks_is_used(number, moves):
-    person = Person()
-    person.event(type="gamepad", name="", gamepad={"index": 0, "axes": [0.5] * number})
+    person.event(type="gamepad", name="", gamepad={"index": 0, "axes": axes})
     assert (person.wait(0.2) != 0.0).any() == moves
 
 

@@ -59,9 +59,3 @@ def test_the_first_sample_is_the_start_of_the_scenario(runs):
     starts = [s.start.tilt for s in scenarios]
     assert starts[0] == starts[1]
     assert starts[0] != starts[2] or starts[0] == given
-
-
-def test_dangle_is_the_angle_from_the_previous_sample(runs):
-    samples = runs[1][0].samples
-    R = Rotation.from_rotvec(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
-    np.testing.assert_allclose(samples["dangle"][1:], (R[:-1].inv() * R[1:]).magnitude(), atol=1e-9)

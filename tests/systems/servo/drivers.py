@@ -58,13 +58,6 @@ class Blocking(_Failing):
         Path(os.environ["CLOSED"]).write_text("closed")
 
 
-class Dying(_Failing):
-    """Ends its process."""
-
-    def fail(self):
-        os._exit(7)
-
-
 class Absent:
     """Cannot be opened."""
 
