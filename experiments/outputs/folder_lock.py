@@ -25,10 +25,6 @@ PATIENCE = 0.2  # in units of s: a lock may be taken again while its last holder
 _held: set[Path] = set()  # lock files of this process
 
 
-class BusyError(OSError):
-    """Another process holds the folder or file."""
-
-
 @contextmanager
 def locked_folder(folder: Path, *, name: str = LOCK_NAME, subject: Path | None = None) -> Iterator[None]:
     """Holds a folder; creates it, and removes it at the end if it stayed empty. A process may nest it.
@@ -39,8 +35,7 @@ def locked_folder(folder: Path, *, name: str = LOCK_NAME, subject: Path | None =
         subject: what is held, for messages; the folder if it is None.
 
     Raises:
-        BusyError: if another process holds it. The message names the process.
-        OSError: if the folder cannot be written.
+        OSError: if another process holds it, which the message names, or the folder cannot be written.
     """
     path = folder.resolve() / name  # a link in its place is not followed
     if path in _held:
@@ -57,7 +52,7 @@ def locked_folder(folder: Path, *, name: str = LOCK_NAME, subject: Path | None =
         with suppress(OSError):  # it has just gone
             holder = path.read_text(errors="replace")
         holder = holder or "another process"
-        raise BusyError(
+        raise OSError(
             f"{subject or folder}: {holder} writes here; wait for it, stop it, or choose another --out"
         ) from None
     except OSError as error:

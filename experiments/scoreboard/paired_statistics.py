@@ -15,14 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import norm, t
 
-from skill.arrays import Array
-
 RESAMPLES, EXACT = 10_000, 14
 MIN_UNITS = 6
 """Least number of units for which a flip of signs can reach 5 %: the least p of n differences is 2^(1-n)."""
-
-MAX_DRAWS = 4_000_000
-"""Largest number of signs that are drawn at once; 32 MB."""
 
 
 def wilson(successes: float, n: float) -> tuple[float, float]:
@@ -78,12 +73,5 @@ def sign_flip_test(differences: ArrayLike, *, seed: int = 0) -> float:
     if len(found) <= EXACT:
         signs = np.array(list(itertools.product((-1.0, 1.0), repeat=len(found))))
         return float((np.abs(signs @ found) >= threshold).mean())
-    sums = _flipped_sums(found, np.random.default_rng(seed))
+    sums = np.random.default_rng(seed).choice((-1.0, 1.0), (RESAMPLES, len(found))) @ found
     return float((1 + (np.abs(sums) >= threshold).sum()) / (1 + RESAMPLES))
-
-
-def _flipped_sums(differences: Array, rng: np.random.Generator) -> Array:
-    """The sums (RESAMPLES,) with random signs."""
-    rows = max(1, MAX_DRAWS // len(differences))
-    counts = [min(rows, RESAMPLES - start) for start in range(0, RESAMPLES, rows)]
-    return np.concatenate([rng.choice((-1.0, 1.0), (count, len(differences))) @ differences for count in counts])

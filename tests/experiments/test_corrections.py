@@ -1,4 +1,3 @@
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,6 @@ from experiments.corrections import (
     demonstrate_correction,
     find_query_state,
     practice_trial,
-    run_practice,
 )
 from experiments.demonstration_set import OPERATORS, Request, demonstrate
 from experiments.trial.trial_set import trial_scenario
@@ -146,24 +144,6 @@ def test_if_no_file_may_hold_any_attempt_the_error_says_why(quick_scenario, atte
     attempts(REFUSED)
     with pytest.raises(ValueError, match=r"correction 0: none of 5 attempts can be kept \(moments look like N mm\)"):
         demonstrate_correction(quick_scenario, QUERY_STATE, number=0, seed=0)
-
-
-@pytest.mark.slow
-def test_a_policy_asks_where_it_was_stuck_and_an_operator_recovers(quick_scenario):
-    quick_scenario.start.tilt = [0.04, -0.03]
-    quick_scenario.trial.time_limit = 1.5
-    (result, query_state), *_ = run_practice(quick_scenario, Push(), [7], jobs=1)
-    assert not result.inserted
-    assert query_state.trial == 7
-    assert query_state.depth > 5e-4
-    assert math.hypot(*query_state.tilt) == pytest.approx(0.05, abs=5e-3)
-    shown = demonstrate_correction(quick_scenario, query_state, number=2, seed=1)
-    assert shown.good
-    assert shown.samples["z"].iloc[0] == pytest.approx(LIFT - query_state.depth, abs=1e-4)
-    assert shown.metadata["correction"] == query_state.record()
-    assert shown.metadata["operator"] == OPERATORS + 2
-    again = demonstrate_correction(quick_scenario, query_state, number=2, seed=1)
-    np.testing.assert_array_equal(again.samples, shown.samples)
 
 
 @pytest.mark.parametrize(

@@ -94,13 +94,6 @@ def test_after_eight_equal_outcomes_another_person_tries(quick_scenario, record)
     assert people[8][0] == "novice"
 
 
-def test_sixteen_equal_outcomes_end_the_attempts(quick_scenario, record):
-    scenarios = record(Outcome.JAMMED)
-    with pytest.raises(ValueError, match=r"no good example in 16 attempts \(outcomes: \['jammed'\]\)"):
-        demonstrate(quick_scenario, Request(0, "expert", True), seed=0)
-    assert len(scenarios) == 16
-
-
 def test_where_a_bad_habit_does_no_harm_the_others_are_tried(quick_scenario, record):
     scenarios = record(*[Outcome.INSERTED] * 32, Outcome.JAMMED)
     found = demonstrate(quick_scenario, Request(5, "slams", False), seed=2)
@@ -108,15 +101,21 @@ def test_where_a_bad_habit_does_no_harm_the_others_are_tried(quick_scenario, rec
     assert (found.metadata["operator"], found.metadata["attempts"]) == (2 * OPERATORS + 5, 1)
 
 
-def test_where_no_bad_habit_does_harm_all_have_been_tried(quick_scenario, record):
-    scenarios = record(Outcome.INSERTED)
-    with pytest.raises(ValueError, match=r"'slams' gave no bad example in 64 attempts .*no bad ones \(--bad 0\)$"):
-        demonstrate(quick_scenario, Request(5, "slams", False), seed=2)
-    assert len(scenarios) == 64
+GOOD, SLAMS = Request(0, "expert", True), Request(5, "slams", False)
 
 
-def test_different_outcomes_are_tried_fifty_times(quick_scenario, record):
-    scenarios = record(Outcome.TIME_OVER, Outcome.JAMMED)
-    with pytest.raises(ValueError, match="no good example in 50 attempts"):
-        demonstrate(quick_scenario, Request(0, "expert", True), seed=0)
-    assert len(scenarios) == MAX_ATTEMPTS == 50
+@pytest.mark.parametrize(
+    ("outcomes", "asked", "attempts", "message"),
+    [
+        ([Outcome.JAMMED], GOOD, 16, r"no good example in 16 attempts \(outcomes: \['jammed'\]\)"),
+        ([Outcome.TIME_OVER, Outcome.JAMMED], GOOD, MAX_ATTEMPTS, "no good example in 50 attempts"),
+        ([Outcome.INSERTED], SLAMS, 64, r"'slams' gave no bad example in 64 .*no bad ones \(--bad 0\)$"),
+    ],
+)
+def test_attempts_end_after_sixteen_equal_outcomes_of_a_habit_or_fifty_in_all(
+    quick_scenario, record, outcomes, asked, attempts, message
+):
+    scenarios = record(*outcomes)
+    with pytest.raises(ValueError, match=message):
+        demonstrate(quick_scenario, asked, seed=2)
+    assert len(scenarios) == attempts

@@ -1,14 +1,9 @@
-import numpy as np
 import pytest
 
-from experiments import practice_rounds
 from experiments.practice_results import Check
 from experiments.practice_rounds import Practice, improve, trial_names
-from experiments.trial.run_trial import run_trial
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, TRIAL_STREAM, resolve_scenario
 from skill.manipulation_skill import ManipulationSkill
-from skill.practice import rollout_of
-from skill.states.estimate import Estimate
 
 SHORT = Practice(rounds=1, starts=1, checks=1)
 
@@ -23,30 +18,6 @@ def brief(quick_scenario):
     quick_scenario.start.height, quick_scenario.start.tilt = 1e-4, [0.01, -0.01]
     quick_scenario.trial.time_limit = 0.5
     return quick_scenario
-
-
-@pytest.mark.slow
-def test_the_recorded_feed_is_that_of_the_perturbed_skill(brief, skill):
-    """Where neither limits nor the guard act, the recorded feed is the feed that the row before asked for."""
-    brief.controller.guard.force_limit = 1e4  # no impact load reaches it
-    (number, perturbed), (same, opposite) = practice_rounds._opposite_trials(skill, SHORT, brief, 3)
-    assert number == same == 3
-    np.testing.assert_allclose(perturbed.perturbation.turn, -opposite.perturbation.turn)
-    scenario = resolve_scenario(brief, seed=number, stream=PRACTICE_STREAM)
-    _, run = run_trial(scenario, perturbed, seed=number)
-    rollout, samples = rollout_of(run, perturbed), run.samples
-    sure = rollout.memberships.max(axis=1) > 0.51  # elsewhere rounding decides between two states
-    assert sure.mean() > 0.8
-    assert rollout.memberships.argmax(axis=1)[sure].tolist() == samples["state"][sure].tolist()
-    free = (samples["known"] == 1) & (samples[["fx", "fy", "fz"]].abs().sum(axis=1) < 1.0)
-    rows = [k for k in samples.index[free] if k + 1 < len(samples) and free[k + 1]]
-    assert len(rows) > 3
-    for k in rows:
-        wrench = samples.loc[k, ["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy()
-        action = skill.act(np.array([*wrench, -samples["depth"][k]]), Estimate(rollout.memberships[k]))
-        feed_speed = action.feed * np.exp(rollout.log_factors[k, 1]) / skill.period_
-        limited = action.support * max(feed_speed, -scenario.controller.max_feed_speed)
-        assert samples["feed_speed"][k + 1] == pytest.approx(limited, rel=0.05)
 
 
 def test_practice_checks_and_trials_start_from_different_tilts(quick_scenario):

@@ -5,7 +5,6 @@ import pytest
 from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.proportion import proportion_confint
 
-from experiments.scoreboard import paired_statistics
 from experiments.scoreboard.paired_statistics import holm, sign_flip_test, wilson, wilson_over_sets
 
 
@@ -50,10 +49,3 @@ def test_the_correction_is_holms():
     p = np.random.default_rng(1).uniform(0, 0.4, 12)
     assert holm(p) == pytest.approx(multipletests(p, method="holm")[1])
     assert holm([]) == []
-
-
-def test_signs_that_are_drawn_in_parts_are_the_same(monkeypatch):
-    differences = np.random.default_rng(2).normal(0.2, 1.0, 40)
-    whole = sign_flip_test(differences)
-    monkeypatch.setattr(paired_statistics, "MAX_DRAWS", 40 * 333)
-    assert sign_flip_test(differences) == whole

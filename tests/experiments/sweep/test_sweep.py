@@ -6,7 +6,6 @@ import re
 import signal
 import subprocess
 import sys
-import threading
 import time
 
 import pytest
@@ -128,16 +127,11 @@ class DaskCluster:
         self.scheduler = self._start(*scheduler)
         wait_for(self._file.exists)
         self.address = re.search(r"tcp://[^\"]+", self._file.read_text())[0]
-        self.workers = []
-        for _ in range(2):
-            self.add_worker()
-
-    def add_worker(self):
         options = ["--scheduler-file", str(self._file), "--nthreads", "1", "--no-nanny"]
-        self.workers.append(self._start("dask_worker", *options))
+        self.workers = [self._start("dask_worker", *options) for _ in range(2)]
 
-    def kill(self, *processes):
-        for process in processes or (self.scheduler, *self.workers):
+    def kill(self):
+        for process in (self.scheduler, *self.workers):
             process.kill()
             process.wait()
 
@@ -167,23 +161,3 @@ def test_a_dask_cluster_gives_the_same_rows_though_one_worker_is_killed_in_mid_t
     assert sorted(rows.trial) == [0, 1, 2, 3, 4, 5]
     local = perform(path, results="local")
     assert without_times(rows).equals(without_times(local))
-
-
-@pytest.mark.nightly
-def test_a_sweep_whose_dask_scheduler_is_killed_keeps_its_rows_and_says_so(
-    specification, perform, dask_cluster, tmp_path
-):
-    path = specification(policies={"push": PUSH}, trials={"number": 30})
-    timer = threading.Thread(target=kill_after_a_row, args=(dask_cluster, [dask_cluster.scheduler], tmp_path))
-    timer.start()
-    with pytest.raises(OSError, match="the connection to the Dask scheduler is lost"):
-        perform(path, dask=dask_cluster.address)
-    timer.join()
-    assert 0 < len(rows_in(tmp_path / "results")) < 30
-    assert len(perform(path)) == 30
-
-
-def kill_after_a_row(cluster, processes, folder):
-    """Kills processes of a cluster when a row of the sweep is written."""
-    wait_for(lambda: any((folder / "results" / "trials").rglob("*.parquet")))
-    cluster.kill(*processes)

@@ -1,7 +1,5 @@
 """The trials of a sweep: what is kept in memory, what is written, and what is lost with a worker."""
 
-import itertools
-import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -12,24 +10,19 @@ from experiments.sweep.policy_store import PolicyStore
 from experiments.sweep.specification import read_specification
 from experiments.sweep.sweep_run import SweepRun
 from experiments.worker_pool import local_pool
-from models.scenario import dump_scenario
 from tests.experiments.sweep.conftest import rows_in
 from tests.experiments.sweep.made_up_rows import made_up_row
 
-ROWS = 2_000
 PUSH = {"make": "tests.experiments.sweep.pushes:push"}
 
 
 class ReadyRows:
     """Yields rows that nobody has simulated, as a `WorkerPool` yields results."""
 
-    def __init__(self, scenario=""):
-        self._scenario = scenario
-
     def run(self, tasks):
         for task in tasks:
             place = task.args[0]
-            yield place, made_up_row(place[1], scenario=self._scenario)
+            yield place, made_up_row(place[1])
 
 
 def planned(path, folder):
@@ -38,32 +31,6 @@ def planned(path, folder):
     store = PolicyStore(folder)
     store.make({cell.recipe.digest: cell.recipe for cell, _ in todo}.values(), local_pool(1), lambda _: None)
     return todo, store
-
-
-@pytest.mark.slow
-def test_thousands_of_rows_take_no_memory_that_grows(specification, skill_file, tmp_path, monkeypatch):
-    path = specification(policies={"mine": {"skill": str(skill_file)}}, trials={"number": ROWS})
-    todo, store = planned(path, tmp_path)
-    pool = ReadyRows(dump_scenario(todo[0][0].scenario))
-    monkeypatch.setattr(sweep_run, "WRITE_PERIOD", 0.05)
-    count, early = itertools.count(1), []
-
-    def advance(note):
-        if next(count) == ROWS // 5:
-            early.append(tracemalloc.get_traced_memory()[0])
-
-    tracemalloc.start()
-    try:
-        run = SweepRun(todo, store, pool, advance)
-        run.run()
-        late = tracemalloc.get_traced_memory()[0]
-    finally:
-        tracemalloc.stop()
-    assert run.written == ROWS
-    assert late - early[0] < 2e6  # bytes; all rows together have 7e6
-    rows = rows_in(tmp_path)
-    assert sorted(rows.trial) == list(range(ROWS))
-    assert rows.key.is_unique
 
 
 def test_a_block_that_cannot_be_written_costs_no_rows_of_others(specification, tmp_path, monkeypatch):

@@ -92,14 +92,6 @@ def test_the_record_suffices_to_repeat_the_trial(inserted, skill):
     assert scenario.seed == resolve_scenario(scenario, seed=1000, stream=TRIAL_STREAM).seed
 
 
-def test_a_trial_that_runs_out_of_time_has_that_reason(quick_scenario, skill):
-    quick_scenario.trial.time_limit = 0.1
-    result, run = run_trial(trial_scenario(quick_scenario, number=2), skill, seed=2)
-    assert (result.inserted, result.reason) == (False, "time over")
-    assert result.time == pytest.approx(0.1)
-    assert len(run.samples) == 1 + round(0.1 / quick_scenario.controller.period)
-
-
 def test_a_simulation_that_diverges_ends_its_trial(quick_scenario, skill):
     """The peg is so stiff that its contact forces are close to overflow."""
     quick_scenario.contact.modulus = 1e300

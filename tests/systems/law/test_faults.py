@@ -96,15 +96,6 @@ def test_a_sensor_that_fails_in_contact_is_named_at_once_and_the_peg_retracted(s
     assert after["tip_z"].iloc[-1] > after["tip_z"].iloc[0] + 1e-3
 
 
-@pytest.mark.slow
-def test_a_delayed_sensor_is_not_a_stuck_one(quick_scenario, skill):
-    quick_scenario.start.tilt = [0.02, -0.02]
-    quick_scenario.sensor.delay = 0.02
-    result, run = run_trial(trial_scenario(quick_scenario, number=1), skill, seed=1)
-    assert (run.samples["fault"] == Fault.NONE).all()
-    assert result.inserted, result.reason
-
-
 SOUND_SENSORS = {  # section, values
     "measures once in ten steps": ("sensor", {"period": 0.02, "delay": 0.02}),
     "has no noise": ("sensor", {"force_noise": [0.0] * 3, "torque_noise": [0.0] * 3, "force_drift": 0.0}),

@@ -148,16 +148,3 @@ def test_the_drift_is_a_random_walk_with_a_variance_proportional_to_time():
     steps = np.diff(walks, axis=1)
     assert (steps**2).mean() == pytest.approx(p.period, rel=5 * math.sqrt(2 / steps.size))
     assert abs((steps[:, 1:] * steps[:, :-1]).mean()) < 5 * p.period / math.sqrt(steps.size)
-
-
-def test_the_forces_of_the_plant_are_read_once_per_step_of_the_plant(monkeypatch):
-    """To convert the list of forces to Python takes as long as the rest of a sample."""
-    reads = []
-    calc = WrenchSensor._calc_held
-    monkeypatch.setattr(WrenchSensor, "_calc_held", lambda *arguments: (reads.append(1), calc(*arguments))[1])
-    dut, context, p = sensor([1.0] * 6, height=0.0, **IMMEDIATE)
-    for step in range(1, 6):
-        hold(dut, context, [float(step)] * 6)
-        wrench = read(dut, context, p, times=2)
-        np.testing.assert_allclose(wrench, [-step] * 6)
-        assert len(reads) == step
