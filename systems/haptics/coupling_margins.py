@@ -63,11 +63,6 @@ class Margin:
         return self.limit / self.value if self.value > 0 else math.inf
 
 
-def step_number(*, stiffness: float, damping: float, inertia: float, time_step: float) -> float:
-    """Returns B dt/m + K dt^2/(2 m) of an explicit spring-damper on a mass (or the same for rotation)."""
-    return damping * time_step / inertia + stiffness * time_step**2 / (2.0 * inertia)
-
-
 def passive_damping(*, stiffness: float, damping: float, period: float, bandwidth: float, delay: float = 0.0) -> float:
     """Returns the minimum damping of hand and device for a passive sampled spring-damper (see the module).
 
@@ -131,7 +126,7 @@ def _simulation_margins(scenario: Scenario) -> list[Margin]:
         K_r, B_r = 2 * K_r + c.guide_stiffness * lever**2, 2 * B_r + c.guide_damping * lever**2
     margins = []
     for suffix, stiffness, damping, mass in (("", K, B, m), (", rotation", K_r, B_r, inertia)):
-        number = step_number(stiffness=stiffness, damping=damping, inertia=mass, time_step=dt)
+        number = damping * dt / mass + stiffness * dt**2 / (2.0 * mass)
         margins += [
             Margin(f"B dt/m{suffix}", damping * dt / mass, RINGING_LIMIT, ""),
             Margin(f"K dt^2/m{suffix}", stiffness * dt**2 / mass, 2 * STEP_LIMIT, ""),

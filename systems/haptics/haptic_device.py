@@ -103,19 +103,6 @@ class HapticDevice(LeafSystem):
             "rendered_wrench", 6, self._calc_wrench, {*state_only, self._virtual_wrench.ticket()}
         )
 
-    def read_pose(self, X_HD: RigidTransform) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Returns the measured position (3,), m, and rotation vector (3,), rad, of a hand at X_HD."""
-        p = self._parameters
-        offset = X_HD.translation() - self._origin
-        reach = math.sqrt(offset @ offset)
-        if reach > p.workspace_radius:
-            offset = offset * (p.workspace_radius / reach)
-        position = self._origin + offset
-        return (
-            np.rint(position / p.position_resolution) * p.position_resolution,
-            np.rint(rotation_vector(X_HD.rotation()) / p.angle_resolution) * p.angle_resolution,
-        )
-
     def load(self, context: Context) -> float:
         """Returns the ratio of ``virtual_wrench`` to its present limit; above 1 the wrench is scaled down.
 
@@ -151,7 +138,13 @@ class HapticDevice(LeafSystem):
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         p = self._parameters
         old = self._present(context)
-        position, turn = self.read_pose(self._hand_pose.Eval(context))
+        X_HD = self._hand_pose.Eval(context)
+        offset = X_HD.translation() - self._origin
+        reach = math.sqrt(offset @ offset)
+        if reach > p.workspace_radius:
+            offset = offset * (p.workspace_radius / reach)
+        position = np.rint((self._origin + offset) / p.position_resolution) * p.position_resolution
+        turn = np.rint(rotation_vector(X_HD.rotation()) / p.angle_resolution) * p.angle_resolution
         R_old, R_new = from_rotation_vector(old.turn), from_rotation_vector(turn)
         raw = np.concatenate([rotation_vector(R_new @ R_old.inverse()), position - old.position]) / p.servo_period
         rendered = self._rendered_wrench.Eval(context)

@@ -83,30 +83,6 @@ class HapticProxy(LeafSystem):
         self._coupling_wrench = self.DeclareVectorOutputPort("coupling_wrench", 6, self._calc_coupling, inputs)
         self._probe_wrench = self.DeclareVectorOutputPort("probe_wrench", 6, self._calc_probe_wrench, inputs)
 
-    def coupling_wrench(
-        self,
-        *,
-        X_HD: RigidTransform,
-        V_HD: NDArray[np.float64],
-        X_HP: RigidTransform,
-        V_HP: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
-        """Returns the wrench [torque; force] (6,) of the coupling on the peg, at the tip, in H.
-
-        Args:
-            X_HD: Pose of the probe.
-            V_HD: [angular velocity; velocity] of the probe (6,), in H.
-            X_HP: Pose of the peg.
-            V_HP: [angular velocity; velocity] of the peg (6,), in H.
-        """
-        c = self._coupling
-        R_HD, R_HP = X_HD.rotation(), X_HP.rotation()
-        torque = c.angular_stiffness * rotation_vector(R_HD @ R_HP.inverse()) + c.angular_damping * (
-            V_HD[:3] - V_HP[:3]
-        )
-        force = c.stiffness * (X_HD.translation() - X_HP.translation()) + c.damping * (V_HD[3:] - V_HP[3:])
-        return np.concatenate([torque, force])
-
     def guide_wrench(self, *, X_HP: RigidTransform, V_HP: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns the wrench [torque; force] (6,) of the fixture's guide on the peg, at the tip, in H.
 
@@ -132,28 +108,22 @@ class HapticProxy(LeafSystem):
         state = self._peg_state.Eval(context)
         output.set_value(PegMotion(free_body_pose(state[:7]), state[7:].copy()))
 
-    def _peg_motion(self, context: Context) -> tuple[RigidTransform, NDArray[np.float64]]:
-        motion = self._motion.Eval(context)
-        return motion.X_HP, motion.V_HP
-
     def _calc_coupling(self, context: Context, output: BasicVector) -> None:
-        X_HP, V_HP = self._peg_motion(context)
-        output.SetFromVector(
-            self.coupling_wrench(
-                X_HD=self._probe_pose.Eval(context),
-                V_HD=self._probe_velocity.Eval(context),
-                X_HP=X_HP,
-                V_HP=V_HP,
-            )
+        c, peg = self._coupling, self._motion.Eval(context)
+        X_HD, V_HD = self._probe_pose.Eval(context), self._probe_velocity.Eval(context)
+        R_HD, R_HP = X_HD.rotation(), peg.X_HP.rotation()
+        torque = c.angular_stiffness * rotation_vector(R_HD @ R_HP.inverse()) + c.angular_damping * (
+            V_HD[:3] - peg.V_HP[:3]
         )
+        force = c.stiffness * (X_HD.translation() - peg.X_HP.translation()) + c.damping * (V_HD[3:] - peg.V_HP[3:])
+        output.SetFromVector(np.concatenate([torque, force]))
 
     def _calc_probe_wrench(self, context: Context, output: BasicVector) -> None:
-        wrench = self._coupling_wrench.Eval(context)
-        output.SetFromVector(-self._scale * wrench)
+        output.SetFromVector(-self._scale * self._coupling_wrench.Eval(context))
 
     def _calc_peg_forces(self, context: Context, output: Value) -> None:
-        X_HP, V_HP = self._peg_motion(context)
-        wrench = self._coupling_wrench.Eval(context) + self.guide_wrench(X_HP=X_HP, V_HP=V_HP)
+        peg = self._motion.Eval(context)
+        wrench = self._coupling_wrench.Eval(context) + self.guide_wrench(X_HP=peg.X_HP, V_HP=peg.V_HP)
         force = ExternallyAppliedSpatialForce()
         force.body_index = self._peg
         force.p_BoBq_B = np.zeros(3)
