@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass
 
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, Diagram
 
 from models.scenario import Scenario
+from models.validation import copied
 from skill.arrays import Array
 from systems.law.stepper_motor import StepperMotor
 from systems.law.wiring import Law
@@ -55,7 +55,11 @@ class RigDiagram:
         Raises:
             ValueError: if the scenario differs in more than `resolve_scenario` draws.
         """
-        _check_same_rig(self.scenario, trial)
+        if not is_same_rig(self.scenario, trial):
+            raise ValueError(
+                "the scenario is not resolved, or not that of the diagram; expected one that differs only in what"
+                " resolve_scenario draws"
+            )
         self.plant.set_trial(context, trial)
         self.sensor.set_seed(self.sensor.GetMyMutableContextFromRoot(context), trial.seed)
         angles = start_angles(trial)
@@ -93,15 +97,13 @@ def _home(scenario: Scenario) -> float:
     return scenario.sensor.height + scenario.start.height
 
 
-def _check_same_rig(built: Scenario, trial: Scenario) -> None:
-    """Refuses a scenario that differs in more than `resolve_scenario` draws."""
-    same = copy.deepcopy(trial)
+def is_same_rig(built: Scenario, trial: Scenario) -> bool:
+    """Returns whether a resolved scenario differs from another one only in what `resolve_scenario` draws."""
+    if trial.start.tilt is None or trial.rig.pivot_height is None:
+        return False
+    same = copied(trial)
     same.seed, same.operator = built.seed, built.operator
     same.start.tilt, same.start.offset = built.start.tilt, built.start.offset
     same.start.clocking, same.arm.hole_offset = built.start.clocking, built.arm.hole_offset
     same.rig.pivot_height, same.contact.friction = built.rig.pivot_height, built.contact.friction
-    if trial.start.tilt is None or trial.rig.pivot_height is None or same != built:
-        raise ValueError(
-            "the scenario is not resolved, or not that of the diagram; expected one that differs only in what"
-            " resolve_scenario draws"
-        )
+    return bool(same == built)

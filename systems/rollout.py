@@ -101,18 +101,9 @@ class RigNumbers(NamedTuple):
     control: ControllerLimits
 
     @classmethod
-    def of(cls, scenario: Scenario, mechanics: Mechanics, known: NominalBodies, policy_period: float) -> Self:
-        """Returns the rig of a resolved scenario.
-
-        Args:
-            scenario: resolved.
-            mechanics: of this scenario; `Mechanics.of` takes long, and a trial changes the pivot only.
-            known: of this scenario.
-            policy_period: duration of an action, s.
-        """
-        step = scenario.contact.time_step
-        m = mechanics._replace(pivot=float(scenario.rig.pivot_height or 0.0))
-        angles = start_angles(scenario)
+    def of(cls, scenario: Scenario, policy_period: float) -> Self:
+        """Returns the rig of a resolved scenario, which takes long; see `ControllerLimits` for ``policy_period``."""
+        step, m, known = scenario.contact.time_step, Mechanics.of(scenario), NominalBodies.of(scenario)
         return cls(
             bodies=Bodies.of(scenario),
             mechanics=m,
@@ -122,11 +113,11 @@ class RigNumbers(NamedTuple):
             sensor=Sensor.of(scenario.sensor),
             drive=Drive.of(scenario.feed, period=step),
             axis=Axis.of(scenario.stepper, period=step),
-            steppers=len(angles),
+            steppers=len(start_angles(scenario)),
             encoder_resolution=scenario.rig.encoder_resolution,
             weight=m.peg_mass * m.gravity,
             home=scenario.sensor.height,
-            start=np.array([scenario.sensor.height + scenario.start.height, *angles, *[0.0] * (3 - len(angles))]),
+            start=np.zeros(4),
             full_depth=scenario.full_depth,
             time_limit=scenario.trial.time_limit,
             guard=GuardLimits.of(scenario),
@@ -135,6 +126,15 @@ class RigNumbers(NamedTuple):
             feed=drive_limits(scenario),
             retract=retract_limits(scenario),
             control=ControllerLimits.of(scenario, policy_period),
+        ).with_draws(scenario)
+
+    def with_draws(self, trial: Scenario) -> Self:
+        """Returns the rig of a trial that differs only in what `resolve_scenario` draws."""
+        angles = start_angles(trial)
+        return self._replace(
+            bodies=self.bodies._replace(friction=trial.contact.friction),
+            mechanics=self.mechanics._replace(pivot=float(trial.rig.pivot_height or 0.0)),
+            start=np.array([self.home + trial.start.height, *angles, *[0.0] * (3 - len(angles))]),
         )
 
 

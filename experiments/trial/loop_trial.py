@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import math
-from dataclasses import replace
-from typing import Any
 
 import pandas as pd
 
@@ -14,18 +11,18 @@ from experiments.trial.force_metrics import force_figures
 from experiments.trial.motion_metrics import motion_figures
 from models.arm import RIG
 from models.scenario import Scenario
+from models.validation import copied
 from skill.data.outcome import Outcome
 from skill.policy.rig_policy import RigPolicy
 from skill.skill_step import skill_numbers
 from systems.law.back_off import attempts_text
 from systems.law.faults import Fault
 from systems.law.wiring import check_geometry
-from systems.plant.contact_plant import NominalBodies
-from systems.plant.exact_plant import Mechanics
+from systems.rig_diagram import is_same_rig
 from systems.rollout import DIVERGED, FAILED, OUTCOMES, RigNumbers, roll_out
 
-_last: list[tuple[tuple[Any, ...], tuple[Mechanics, NominalBodies]]] = []
-"""The last mechanics and masses, which take long to compute, and what decides them."""
+_last: list[tuple[Scenario, RigNumbers]] = []
+"""The rig that was made last, which takes long, and its scenario."""
 
 
 def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTrial | None:
@@ -50,7 +47,7 @@ def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTr
     if skill is None:
         return None
     check_geometry(scenario, policy)
-    trace = roll_out(RigNumbers.of(scenario, *_mechanics(scenario), skill.period), scenario, skill)
+    trace = roll_out(_rig(scenario, skill.period), scenario, skill)
     if trace.outcome in (DIVERGED, FAILED) or not math.isfinite(trace.depth):
         return None
     outcome, step = OUTCOMES[trace.outcome], scenario.contact.time_step
@@ -71,10 +68,8 @@ def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTr
     )
 
 
-def _mechanics(scenario: Scenario) -> tuple[Mechanics, NominalBodies]:
-    """Returns the mechanics of a scenario, up to the height of its pivot, and its nominal masses."""
-    rig = replace(scenario.rig, pivot_height=None)
-    decides = scenario.geometry, rig, scenario.stepper, scenario.feed, scenario.sensor.height
-    if not (_last and _last[0][0] == decides):
-        _last[:] = [(copy.deepcopy(decides), (Mechanics.of(scenario), NominalBodies.of(scenario)))]
-    return _last[0][1]
+def _rig(scenario: Scenario, policy_period: float) -> RigNumbers:
+    """Returns the rig of a scenario, from the one before if it differs only in what is drawn."""
+    if not (_last and _last[0][1].control.policy_period == policy_period and is_same_rig(_last[0][0], scenario)):
+        _last[:] = [(copied(scenario), RigNumbers.of(scenario, policy_period))]
+    return _last[0][1].with_draws(scenario)
