@@ -57,14 +57,12 @@ campaign: environment
 fuzz: environment
 	$(RUN) tests.fuzz --jobs 2 --json out/fuzz.json
 
-PHYSICS := theory clocking convergence clearance
-LEARNERS := regression contact_states
-BENCHMARKS := $(PHYSICS:%=physics.%) $(LEARNERS:%=learners.%)
+PHYSICS := theory clocking convergence
 
-# With the demonstrations and the skill of `make demo`.
+# Contact theory, in Drake and in the exact engine.
 bench: environment
 	$(RUN) pip install --quiet --editable ".[peers]" $(CONSTRAINTS:%=--constraint %)
-	for name in $(BENCHMARKS); do $(RUN) benchmarks.$$name --json out/benchmarks/$$name.json || exit 1; done
+	for name in $(PHYSICS); do $(RUN) benchmarks.physics.$$name --json out/benchmarks/$$name.json || exit 1; done
 
 CURVES := demonstrations friction sensor_noise pivot mount_stiffness
 

@@ -50,7 +50,7 @@ EXTRAS = {
     **{"cascadio": "cad", "trimesh": "cad"},
     **{"franky": "arm", "franky_sim": "arm", "rtde_control": "ur"},
     **{"distributed": "dask", "mcap": "recordings", "rosbags": "recordings"},
-    **{"hmmlearn": "peers", "mujoco": "peers", "ruptures": "peers"},
+    "mujoco": "peers",
     **{"gymnasium": "gym", "lerobot": "lerobot", "stable_baselines3": "rl", "torch": "lerobot"},
 }
 """The extra that installs a package, by the name of the package."""

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from benchmarks.learners.gaussian_mixture_regression import best_mixture, gmr_predict
+from benchmarks.rig.gaussian_mixture_regression import best_mixture, gmr_predict
 
 
 def mixture(seed=0, M=3, d=4):
