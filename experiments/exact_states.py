@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from experiments.trial.penetration import MIN_UPRIGHT
 from models.assembly import Assembly
-from models.exact_geometry import ContactLabel, rotations_of_vectors
+from models.contact_bodies import ContactLabel
+from models.exact_geometry import rotations_of_vectors
 from skill.data.demonstration import Demonstration
 from skill.data.geometry import PegHoleGeometry
 from skill.features.measurement import MEASURED

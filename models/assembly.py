@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from models import Array
-from models.contact_search import Bodies, contact_labels, lowest_gaps
-from models.exact_geometry import Mate
+from models.contact_bodies import Bodies, Mate
+from models.exact_geometry import contact_labels, lowest_gaps
 from models.meshes import TriangleMesh, make_hole, make_prism
 from models.section import section_of
 

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compiled import compiled
-from models.contact_search import Bodies, deepest_overlap
+from models.contact_bodies import Bodies
+from models.exact_geometry import deepest_overlap
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import Outcome

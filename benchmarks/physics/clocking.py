@@ -18,8 +18,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from benchmarks.command_line import JsonFile, finish, run
 from benchmarks.physics.contact_probe import PosedMeshes
-from models.contact_search import Bodies, deepest_overlap
+from models.contact_bodies import Bodies
 from models.contact_theory import largest_clocking
+from models.exact_geometry import deepest_overlap
 from models.scenario import Geometry, Scenario, load_scenario
 from models.section import KIND, NAMES, SIZE, C, S, Section, X, Y, point_on
 

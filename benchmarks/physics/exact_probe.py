@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from benchmarks.physics.contact_probe import AXES, PlanarPose
-from models.contact_search import Bodies
+from models.contact_bodies import Bodies
 from models.scenario import Scenario
 from skill.arrays import Array
 from systems.plant.exact_contact import STEPS

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.exact_states import UNKNOWN, exact_labels
-from models.exact_geometry import ContactLabel
+from models.contact_bodies import ContactLabel
 from skill.arrays import Array
 from skill.data.demonstration import ACTIONS, COLUMNS, Demonstration
 from skill.data.geometry import PegHoleGeometry
@@ -204,7 +204,7 @@ def demonstration_labels(demonstration: Demonstration) -> NDArray[np.int64]:
 def run_labels(samples: pd.DataFrame, geometry: PegHoleGeometry | None) -> NDArray[np.int64]:
     """Returns the contact labels (n,) of the simulated contacts; `UNKNOWN` without a geometry.
 
-    The labels are those of `models.exact_geometry.ContactLabel`, but they follow from the forces at mouth, tip and
+    The labels are those of `models.contact_bodies.ContactLabel`, but they follow from the forces at mouth, tip and
     face, because the deflection of the mount is not recorded. A face in the lower half of the hole is the floor, and a
     contact at the mouth is on the chamfer until the tip has passed it. Contacts at mouth and tip are a two-point
     contact if their lateral forces oppose each other, and a line contact otherwise.

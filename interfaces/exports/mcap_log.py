@@ -22,7 +22,7 @@ from experiments.exact_states import UNKNOWN
 from experiments.provenance import version_of
 from interfaces.exports.episodes import demonstration_labels
 from interfaces.reports.motion import Motion, motion_of_demonstration, motion_of_run
-from models.exact_geometry import ContactLabel
+from models.contact_bodies import ContactLabel
 from skill.arrays import Array
 from skill.data.axes import AXES
 from skill.data.demonstration import ACTIONS, Demonstration

@@ -18,7 +18,7 @@ from experiments.trial.trial_set import TrialSet, trial_scenario
 from interfaces.gym.commanded_policy import CommandedPolicy
 from interfaces.gym.picture import Picture
 from interfaces.gym.spaces import Observation, action_space, command, observation_space, observe
-from models.exact_geometry import ContactLabel
+from models.contact_bodies import ContactLabel
 from models.scenario import Scenario, load_scenario, validate_scenario
 from skill.arrays import Array
 from skill.data.outcome import UNPHYSICAL, Outcome

@@ -1,6 +1,6 @@
 """Impulses of the contacts of a rigid peg in a rigid hole in a step, compiled.
 
-The contacts are those of `models.contact_search`. Each one carries the normal force of Hunt and Crossley (J. Appl.
+The contacts are those of `models.exact_geometry`. Each one carries the normal force of Hunt and Crossley (J. Appl.
 Mech. 42, 1975) at the end of the step,
 
     f_n = k max(0, -g) max(0, 1 - d u_n),    g = g_0 + h u_n,
@@ -25,7 +25,7 @@ import numpy as np
 
 from compiled import compiled
 from models import Array
-from models.contact_search import Bodies, Numbers
+from models.contact_bodies import Bodies, Numbers
 from models.exact_geometry import TINY
 
 STEPS = 8

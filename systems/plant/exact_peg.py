@@ -13,8 +13,8 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Disc
 
 from compiled import compiled
 from models import Array
-from models.contact_search import MAX_CONTACTS, Bodies, find_contacts
-from models.exact_geometry import TINY
+from models.contact_bodies import Bodies
+from models.exact_geometry import MAX_CONTACTS, TINY, find_contacts
 from models.scenario import Scenario
 from systems.math.rotation import free_body_pose
 from systems.plant.contact_plant import AddVirtualPlant, HydroelasticPeg
@@ -72,7 +72,7 @@ def advance_peg(
     """Takes ``count`` time steps.
 
     Args:
-        bodies: `models.contact_search.Bodies`.
+        bodies: `models.contact_bodies.Bodies`.
         inertia: (6,), of rotation about the tip, three times the same, kg m^2, and masses, kg.
         damping: (6,), N m s/rad and N s/m.
         free: (6,), 1 for each freedom, or 0 where it is locked.

@@ -20,7 +20,8 @@ from pydrake.systems.framework import (
 
 from compiled import compiled
 from models import Array
-from models.contact_search import MAX_CONTACTS, Bodies, Numbers, find_contacts
+from models.contact_bodies import Bodies, Numbers
+from models.exact_geometry import MAX_CONTACTS, find_contacts
 from models.scenario import Scenario
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.contact_plant import AddRigPlant

@@ -14,7 +14,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from compiled import compiled
 from models import Array
 from models.arm import ArmParameters
-from models.contact_search import Bodies
+from models.contact_bodies import Bodies
 from models.hardware import GRAVITY, STEEL
 from models.scenario import Scenario
 from systems.math.rotation import free_body_pose

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.math import RigidTransform
 
-from models.contact_search import MAX_CONTACTS
+from models.exact_geometry import MAX_CONTACTS
 from skill.arrays import Array
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from systems.plant.contact_forces import FACE_NORMAL

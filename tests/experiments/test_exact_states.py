@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from experiments.exact_states import exact_labels, give_names
-from models.exact_geometry import ContactLabel
+from models.contact_bodies import ContactLabel
 from skill.data.demonstration import Demonstration
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from models.contact_search import COLUMNS, MAX_CONTACTS, find_minima
-from models.exact_geometry import curve_pieces, edge_gap, is_nearest, planar_gap, rim_gap, surface_pieces
+from models.contact_bodies import curve_pieces, surface_pieces
+from models.exact_geometry import COLUMNS, MAX_CONTACTS, edge_gap, find_minima, is_nearest, planar_gap, rim_gap
 from models.section import SPAN, on_piece
 
 SAMPLES, MINIMA, REFINEMENTS = 192, 4, 12

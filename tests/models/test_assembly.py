@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from models.assembly import Assembly
-from models.contact_search import MAX_CONTACTS, find_contacts
-from models.exact_geometry import ContactLabel, rotations_of_vectors
+from models.contact_bodies import ContactLabel
+from models.exact_geometry import MAX_CONTACTS, find_contacts, rotations_of_vectors
 from models.scenario import load_scenario, parse_scenario
 
 PLUG, STEPPED = load_scenario("two_pin_plug").geometry, load_scenario("stepped_shaft").geometry

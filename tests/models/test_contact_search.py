@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from models.contact_search import (
+from models.contact_bodies import FLOOR, OUTER
+from models.exact_geometry import (
     GAP,
     MAX_CONTACTS,
     NORMAL,
@@ -11,8 +12,8 @@ from models.contact_search import (
     SURFACE,
     deepest_overlap,
     find_contacts,
+    rotations_of_vectors,
 )
-from models.exact_geometry import FLOOR, OUTER, rotations_of_vectors
 from models.scenario import Scenario, load_scenario
 from models.section import CORNER, NAMES
 from tests.models.exact_search import found_minima, lowest_gaps, sampled_minima

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.contact_search import BESIDE, GAP, NORMAL, POINT, SURFACE
+from models.contact_bodies import OUTER, WALL, ContactLabel
 from models.contact_theory import two_point_depth
-from models.exact_geometry import FAR, OUTER, WALL, ContactLabel, rotations_of_vectors
+from models.exact_geometry import BESIDE, FAR, GAP, NORMAL, POINT, SURFACE, rotations_of_vectors
 from models.scenario import Geometry
 from models.section import CORNER
 from tests.models.exact_search import found_minima

@@ -18,7 +18,7 @@ from interfaces.exports.episodes import (
     run_features,
     run_labels,
 )
-from models.exact_geometry import ContactLabel
+from models.contact_bodies import ContactLabel
 from skill.data.geometry import PegHoleGeometry
 from skill.data.outcome import Outcome
 from skill.data.rig_run import CONTACT_COLUMNS

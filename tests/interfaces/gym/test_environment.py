@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 
 from experiments.trial.trial_set import TrialSet, trial_scenario
 from interfaces.gym.environment import FIRST_DRAWN, InsertionEnv
-from models.exact_geometry import ContactLabel
+from models.contact_bodies import ContactLabel
 from models.scenario import Scenario
 from systems.plant.contact_plant import PEG_COLOUR
 from systems.rig import MakeRig

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.contact_search import Bodies
+from models.contact_bodies import Bodies
 from models.scenario import Scenario
 from systems.plant.exact_contact import ROUNDS, friction_impulse, normal_impulse, solve_contacts, tangents
 from systems.plant.exact_peg import advance_peg
