@@ -57,9 +57,9 @@ campaign: environment
 fuzz: environment
 	$(RUN) tests.fuzz --jobs 2 --json out/fuzz.json
 
-PHYSICS := theory clocking convergence
+PHYSICS := theory mujoco_probe
 
-# Contact theory, in Drake and in the exact engine.
+# Contact in Drake against theory, and the same peg in MuJoCo.
 bench: environment
 	$(RUN) pip install --quiet --editable ".[peers]" $(CONSTRAINTS:%=--constraint %)
 	for name in $(PHYSICS); do $(RUN) benchmarks.physics.$$name --json out/benchmarks/$$name.json || exit 1; done

@@ -51,27 +51,6 @@ def largest_entry_tilt(*, peg_radius: float, hole_radius: float) -> float:
     return math.acos(peg_radius / hole_radius)
 
 
-def largest_clocking(corners: ArrayLike, sides: ArrayLike, radii: ArrayLike, *, clearance: float) -> float:
-    """Returns the largest angle (rad) about its axis by which an upright peg fits into its hole.
-
-    A corner with the centre e and the radius rho, at the angle alpha from the normal of a side at the distance d from
-    the axis, touches this side of the hole, at d + C, when the peg is turned by
-
-        phi = alpha - arccos((d + C - rho) / |e|).
-
-    Args:
-        corners: (n, 2), centres of the rounded corners, m; one row for each side that ends at a corner.
-        sides: (n, 2), vectors from the axis to the line of the side, perpendicular to it, m.
-        radii: (n,), of the corners, m.
-        clearance: C, m.
-    """
-    e, d = np.asarray(corners, dtype=np.float64), np.asarray(sides, dtype=np.float64)
-    size, away = np.hypot(*e.T), np.hypot(*d.T)
-    alpha = np.arccos((e * d).sum(axis=1) / (size * away))
-    reached = (away + clearance - np.asarray(radii)) / size
-    return float((alpha - np.arccos(np.minimum(reached, 1.0))).min(where=reached < 1.0, initial=math.pi))
-
-
 def slenderness(depth: ArrayLike, *, peg_radius: float, friction: float) -> Any:
     """Returns Whitney's slenderness lambda = l / (2 r mu) for a depth l (m)."""
     return np.asarray(depth, dtype=np.float64) / (2.0 * peg_radius * friction)
@@ -109,33 +88,6 @@ def two_point_axial_force(
     """
     F, M, length = (np.asarray(v, dtype=np.float64) for v in (lateral, moment, depth))
     return np.asarray(2.0 * friction * M / length + friction * (1.0 + 2.0 * friction * peg_radius / length) * F)
-
-
-def two_point_push_moment(
-    force: float, tilt: float, *, peg_radius: float, hole_radius: float, friction: float
-) -> float:
-    """Returns the moment (N m) of the contacts about the tip of a peg pushed into two-point contact at a fixed tilt.
-
-    The force N at the tip is horizontal and the force N' at the mouth is normal to the peg. Both contacts slip upwards:
-
-        N = N' (cos(theta) - mu sin(theta)),   F_z = mu N + N' (sin(theta) + mu cos(theta)).
-
-    These are the smallest contact forces that balance the push. If the tilt is below the friction angle, the peg wedges
-    itself: static friction may then be smaller and the moment larger.
-
-    Args:
-        force: Axial push F_z, N.
-        tilt: Tilt theta about y, rad, positive.
-        peg_radius: Radius r, m.
-        hole_radius: Radius R, m.
-        friction: Coefficient mu.
-    """
-    c, s, mu = math.cos(tilt), math.sin(tilt), friction
-    h = float(two_point_depth(tilt, peg_radius=peg_radius, hole_radius=hole_radius))
-    mouth = force / (mu * (c - mu * s) + s + mu * c)
-    tip = mouth * (c - mu * s)
-    at_tip = peg_radius * (s + mu * c) * tip
-    return at_tip - (h * (c - mu * s) + (2.0 * hole_radius - peg_radius * c) * (s + mu * c)) * mouth
 
 
 def wedging_tilt(*, peg_radius: float, hole_radius: float, friction: float) -> float:

@@ -6,18 +6,15 @@ One corner of the bore's polygon and one of the peg's lie in the plane of motion
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.geometry import HydroelasticContactRepresentation
-from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint, SpatialInertia, UnitInertia
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 
 from models.scenario import Scenario
 from skill.arrays import Array
@@ -76,11 +73,7 @@ class ContactProbe:
     """A peg in Drake that is placed, loaded and simulated step by step, without gravity.
 
     Args:
-        scenario: geometry and contact of the bodies; ``geometry.hole_radius`` is the radius of the true bore.
-        matched: whether the corners of the bore's polygon lie on the true circle, like those of the peg (as in
-            `make_hole`), so that both shrink by the same factor cos(pi/n). Otherwise the polygon's sides touch the
-            circle from outside.
-        sharp: whether the chamfer begins at the mouth, without a `models.meshes.BrokenEdge`.
+        scenario: geometry and contact of the bodies.
         mass: of the peg, kg.
         inertia: of the peg about its tip, kg m^2.
         damping: of x, z and tilt, N s/m, N s/m and N m s/rad.
@@ -90,15 +83,10 @@ class ContactProbe:
         self,
         scenario: Scenario,
         *,
-        matched: bool = True,
-        sharp: bool = False,
         mass: float = 0.5,
         inertia: float = 1e-4,
         damping: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
-        scenario = copy.deepcopy(scenario)
-        if not matched:
-            scenario.geometry.hole_radius /= np.cos(np.pi / scenario.geometry.facets)
         builder = DiagramBuilder()
         plant, scene_graph = add_hydroelastic_plant(builder, scenario)
         plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
@@ -119,7 +107,7 @@ class ContactProbe:
             frames = stages[k].body_frame(), stages[k + 1].body_frame()
             joint = plant.AddJoint(kind(name, *frames, np.array(axis, dtype=float)))
             joint.set_default_damping(float(drag[k]))
-        finish_contact_plant(plant, scene_graph, scenario, stages[3], block, sharp=sharp)
+        finish_contact_plant(plant, scene_graph, scenario, stages[3], block)
         self.plant = plant
         self.plant.set_stiction_tolerance(1e-6)  # m/s; a stuck contact creeps at up to this speed
         self.time_step = scenario.contact.time_step
@@ -172,34 +160,5 @@ class ContactProbe:
 
     def touches(self) -> bool:
         """Whether the meshes overlap at the present pose."""
-        return _touch(self.plant, self._own)
-
-
-class PosedMeshes:
-    """The meshes of peg and bore at any pose, without a simulation.
-
-    Args:
-        scenario: geometry of the bodies.
-    """
-
-    def __init__(self, scenario: Scenario) -> None:
-        builder = DiagramBuilder()
-        plant, scene_graph = add_hydroelastic_plant(builder, scenario)
-        inertia = SpatialInertia(1.0, np.zeros(3), UnitInertia.SolidSphere(0.01))
-        block, self._peg = (plant.AddRigidBody(name, inertia) for name in ("block", "peg"))
-        plant.WeldFrames(plant.world_frame(), block.body_frame())
-        finish_contact_plant(plant, scene_graph, scenario, self._peg, block)
-        self._plant = plant
-        self._diagram = builder.Build()
-        self._context = self._diagram.CreateDefaultContext()
-        self._own = self._plant.GetMyMutableContextFromRoot(self._context)
-
-    def touch(self, X_HP: RigidTransform) -> bool:
-        """Whether the meshes overlap at a pose of the peg in H."""
-        self._plant.SetFreeBodyPose(self._own, self._peg, X_HP)
-        return _touch(self._plant, self._own)
-
-
-def _touch(plant: MultibodyPlant, context: Context) -> bool:
-    query = plant.get_geometry_query_input_port().Eval(context)
-    return bool(query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon))
+        query = self.plant.get_geometry_query_input_port().Eval(self._own)
+        return bool(query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon))

@@ -400,8 +400,6 @@ def finish_contact_plant(
     scenario: Scenario,
     peg: RigidBody,
     block: RigidBody,
-    *,
-    sharp: bool = False,
 ) -> None:
     """Adds the collision and visual shapes of peg and block, and finalises the plant.
 
@@ -411,12 +409,9 @@ def finish_contact_plant(
         scenario: Geometry and contact of the bodies.
         peg: Body of the peg; its origin is the centre of the tip.
         block: Body of the block; its frame is H.
-        sharp: Whether the chamfer begins at the mouth, without a `BrokenEdge`; for measurements of its effect.
     """
     g, contact = scenario.geometry, scenario.contact
     friction = _friction(scenario)
-
-    edge = None if sharp else BrokenEdge.of(radius=g.hole_radius, clearance=g.clearance, chamfer=g.chamfer)
     X_PC, shape = peg_shape(g)
     plant.RegisterVisualGeometry(peg, X_PC, shape, "peg_picture", PEG_COLOUR)
     plant.RegisterVisualGeometry(block, RigidTransform(), block_picture(g), "block_picture", BLOCK_COLOUR)
@@ -435,7 +430,7 @@ def finish_contact_plant(
         facets=g.facets,
         block_radius=g.block_radius,
         floor=g.floor,
-        edge=edge,
+        edge=BrokenEdge.of(radius=g.hole_radius, clearance=g.clearance, chamfer=g.chamfer),
         inside=scenario.fixture != FREE_FIXTURE,
     )
     plant.RegisterCollisionGeometry(block, RigidTransform(), _in_memory(bore.to_obj(), ".obj"), "bore", rigid)

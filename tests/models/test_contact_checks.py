@@ -13,7 +13,7 @@ from models.scenario import Scenario, parse_scenario, validate_scenario
     ],
 )
 def test_the_overlap_is_the_measured_one(modulus, load, measured):
-    """Measured by `benchmarks.physics.convergence` with 24 facets; see the module."""
+    """Measured with 24 facets; see the module."""
     assert expected_overlap(modulus=modulus, peg_radius=0.01, load=load) == pytest.approx(measured, rel=0.2)
 
 

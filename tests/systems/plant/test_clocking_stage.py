@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.physics.clocking import law as largest_clocking_of
+from models.section import CORNER
 from systems.plant.contact_plant import ALUMINIUM
 from systems.plant.exact_contact import STEPS
 from tests.systems.plant.engine_bench import Bench, hanging_weight
@@ -46,7 +46,9 @@ def test_its_stepper_accelerates_block_and_rotor_with_the_holding_torque_at_most
 
 
 def test_beyond_the_play_the_peg_carries_the_torque_of_the_stepper(scenario):
-    play = largest_clocking_of(scenario.geometry)
+    g = scenario.geometry
+    inner = g.peg_radius * (1.0 - CORNER)  # a corner turns at sqrt(2) inner from the axis until it touches a side
+    play = math.pi / 4.0 - math.acos((inner + g.clearance) / (math.sqrt(2.0) * inner))
     turn = play + math.radians(0.05)
     bench = bench_at(scenario, -0.015, (0.0, 0.0, 0.0), (0.0, 0.0, turn)).advance(0.3)
     angle = bench.gimbal()[2]
