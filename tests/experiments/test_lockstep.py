@@ -10,12 +10,12 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import LeafSystem
 
 from experiments.demonstration_run import DemonstrationRun
-from experiments.lockstep import lockstep
 from models.scenario import DEMONSTRATION_STREAM, load_scenario, resolve_scenario
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from systems.servo.served_environment import MakeServedEnvironment
 from systems.servo.servo_diagram import MakeServo
 from systems.virtual_environment import MakeVirtualEnvironment, start_pose
+from tests.lockstep import lockstep
 
 H = 1e-3
 
@@ -51,17 +51,13 @@ def pushed(scenario, duration):
     return poses
 
 
-def served(scenario, poses, *, delay=-1):
+def wrenches(scenario, poses):
     environment = MakeServedEnvironment(scenario)
     run = DemonstrationRun(scenario, environment)
     servo = MakeServo(scenario, operator=Path(poses), X_HP_start=environment.X_HP_start)
     servo.start(environment.X_HP_start)
-    return servo, lockstep(servo, run, environment, time_step=scenario.contact.time_step, delay=delay)
-
-
-def wrenches(scenario, poses, **options):
-    _, ticks = served(scenario, poses, **options)
-    return np.array([probe.wrench for probe, _ in islice(ticks, len(poses))])
+    ticks = lockstep(servo, run, environment, time_step=scenario.contact.time_step)
+    return np.array([probe.wrench for probe in islice(ticks, len(poses))])
 
 
 def reference(scenario, poses):

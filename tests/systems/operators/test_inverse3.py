@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from experiments.demonstration_run import DemonstrationRun
-from experiments.lockstep import lockstep
 from models.hardware import DEVICE_PRESETS
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
 from systems.math.rotation import rotation_vector
@@ -18,6 +17,7 @@ from systems.operators.person_frame import R_HV
 from systems.servo.served_environment import MakeServedEnvironment
 from systems.servo.servo_diagram import MakeServo
 from systems.virtual_environment import start_pose
+from tests.lockstep import lockstep
 from tests.systems.operators.inverse_service import Service, Socket, served, wait_until
 
 RIGHT, AWAY, UP = np.eye(3)
@@ -282,9 +282,8 @@ def through_the_servo(service, seconds=0.6):
     environment = MakeServedEnvironment(scenario)
     servo = MakeServo(scenario, operator=DeviceOperator(device=device, period=1e-3, X_HD_start=X), X_HP_start=X)
     servo.start(X)
-    for probe, _ in lockstep(
-        servo, DemonstrationRun(scenario, environment), environment, time_step=scenario.contact.time_step, delay=-1
-    ):
+    run = DemonstrationRun(scenario, environment)
+    for probe in lockstep(servo, run, environment, time_step=scenario.contact.time_step):
         if probe.time > seconds:
             break
     device.close()
