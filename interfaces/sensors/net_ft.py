@@ -16,13 +16,12 @@ import struct
 import threading
 import time
 import xml.etree.ElementTree as ET
-from dataclasses import replace
 from typing import NamedTuple
 from urllib.request import urlopen
 
 import numpy as np
 
-from interfaces.sensors.wrench_stream import Arrival, Reading, RecordOrder, StreamCounts
+from interfaces.sensors.wrench_stream import Reading, RecordOrder, StreamCounts
 
 PORT, PAGE = 49152, "netftapi2.xml"
 HEADER, START, STOP = 0x1234, 0x0002, 0x0000
@@ -94,7 +93,7 @@ def parse_calibration(page: bytes, where: str) -> Calibration:
 class NetFt:
     """A `WrenchStream` of a Net F/T sensor; a thread and `latest` take its records.
 
-    A record that is late or doubled is counted and not used. After a change of the units no reading is sound any more:
+    A record that is late is counted and not used. After a change of the units no reading is sound any more:
     those since the change may have been wrong. After a silence the stream is asked for again.
 
     Args:
@@ -129,8 +128,7 @@ class NetFt:
 
     def counts(self) -> StreamCounts:
         """See `WrenchStream`."""
-        with self._lock:
-            return replace(self._counts, lost=self._order.lost)
+        return self._counts
 
     def close(self) -> None:
         """See `WrenchStream`."""
@@ -156,7 +154,7 @@ class NetFt:
                     was_silent, silent = silent, time.monotonic() - self._arrived > SILENCE
                     if silent:
                         self._count(silences=not was_silent)
-                        self._order.forget()
+                        self._order.note_silence()
                 if silent:
                     self._ended.wait(SILENCE)
                     self._request(START)
@@ -172,17 +170,12 @@ class NetFt:
         if len(packet) != RECORD.size:
             self._count(received=1, malformed=1)
             return
-        number, sample, status, *counts = RECORD.unpack(packet)
-        arrival = self._order.place(number, sample)
-        self._count(
-            received=1,
-            late=arrival is Arrival.LATE,
-            doubled=arrival is Arrival.DOUBLED,
-            restarts=arrival is Arrival.RESTARTED,
-            overloaded=bool(status & OUT_OF_RANGE),
-            faulty=bool(status & ERROR and not status & OUT_OF_RANGE),
-        )
-        if arrival in (Arrival.NEW, Arrival.RESTARTED):
+        number, _, status, *counts = RECORD.unpack(packet)
+        placed = self._order.place(number)
+        is_overloaded = bool(status & OUT_OF_RANGE)
+        is_faulty = bool(status & ERROR) and not is_overloaded
+        self._count(received=1, overloaded=is_overloaded, faulty=is_faulty, **placed)
+        if "late" not in placed:
             sound = not status & ERROR and not self._counts.unit_changes
             self._latest = Reading(now, np.array(counts) * self._scale, sound)
 

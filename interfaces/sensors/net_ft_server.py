@@ -10,7 +10,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import numpy as np
 from numpy.typing import ArrayLike
 
-from interfaces.sensors.net_ft import ERROR, HEADER, OUT_OF_RANGE, PAGE, RECORD, REQUEST, START
+from interfaces.sensors.net_ft import ERROR, HEADER, OUT_OF_RANGE, RECORD, REQUEST, START
 from interfaces.sensors.wrench_stream import WRAP
 
 COUNTS = 1_000_000
@@ -23,7 +23,8 @@ LEAST, MOST = -(1 << 31), (1 << 31) - 1
 class NetFtServer:
     """Serves the page of a sensor, and its records to whoever has asked last.
 
-    Requests are taken when a record is sent. Each is answered without end, whatever number of records it names.
+    Requests are taken when a record is sent. Each is answered without end, whatever number of records it names. Every
+    address has the page.
 
     Attributes:
         port: for the records.
@@ -108,9 +109,6 @@ class NetFtServer:
 
         class Handler(BaseHTTPRequestHandler):
             def do_GET(self) -> None:
-                if self.path != f"/{PAGE}":
-                    self.send_error(404)
-                    return
                 self.send_response(200)
                 self.send_header("Content-Type", "text/xml")
                 self.end_headers()

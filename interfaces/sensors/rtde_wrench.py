@@ -12,13 +12,12 @@ import socket
 import struct
 import threading
 import time
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from interfaces.sensors.wrench_stream import Arrival, Reading, RecordOrder, StreamCounts
+from interfaces.sensors.wrench_stream import Reading, RecordOrder, StreamCounts
 from skill.arrays import Array
 
 PORT, PROTOCOL, CONTROLLER = 30004, 2, 5
@@ -116,7 +115,7 @@ class RtdeWrench:
 
     def counts(self) -> StreamCounts:
         """See `WrenchStream`."""
-        return replace(self._counts, lost=self._order.lost)
+        return self._counts
 
     def record(self) -> ArmRecord:
         """Returns what the arm said last.
@@ -187,13 +186,7 @@ class RtdeWrench:
             self._counts = self._counts.plus(received=1, malformed=1)
             return
         _, timestamp, *values, robot, safety = PACKAGE.unpack(body)
-        number = round(timestamp / PERIOD)
-        arrival = self._order.place(number, number)
-        self._counts = self._counts.plus(
-            received=1,
-            doubled=arrival is Arrival.DOUBLED,
-            restarts=arrival is Arrival.RESTARTED,
-            faulty=bool(safety & STOPPED),
-        )
+        placed = self._order.place(round(timestamp / PERIOD))
+        self._counts = self._counts.plus(received=1, faulty=bool(safety & STOPPED), **placed)
         angles, rates, pose, wrench = np.array(values).reshape(4, 6)
         self._newest = ArmRecord(time.monotonic(), timestamp, angles, rates, pose, wrench, robot, safety)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import dataclass, field, replace
-from enum import Enum, auto
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 from skill.arrays import Array
 
 WINDOW = 4096
-"""Records for which a gap can still be filled, and a record be recognised: four seconds at 1 kHz."""
+"""Records by which one can be late: four seconds at 1 kHz."""
 
 WRAP = 1 << 32
 """The counters of the records have 32 bits."""
@@ -36,9 +34,8 @@ class StreamCounts:
 
     Attributes:
         received: records, of any kind.
-        lost: records that are missing at present; one that arrives late is no longer lost.
-        late: records that arrived after a newer one; they are not used.
-        doubled: records that arrived again; they are not used.
+        lost: records that had not arrived when a newer one did.
+        late: records that arrived after a newer one, or again.
         malformed: packets that are no record.
         overloaded: records beyond the range of the sensor.
         faulty: records that the sensor calls invalid for another reason.
@@ -50,7 +47,6 @@ class StreamCounts:
     received: int = 0
     lost: int = 0
     late: int = 0
-    doubled: int = 0
     malformed: int = 0
     overloaded: int = 0
     faulty: int = 0
@@ -80,69 +76,27 @@ class WrenchStream(Protocol):
         """Ends the stream."""
 
 
-class Arrival(Enum):
-    """What a record is beside those before it."""
-
-    NEW = auto()
-    LATE = auto()
-    DOUBLED = auto()
-    RESTARTED = auto()
-
-
 @dataclass
 class RecordOrder:
-    """Places each record of a stream by its counters.
+    """Places each record of a stream by its counter, of 32 bits.
 
-    A record is late if it fills a gap that newer ones left and is an older sample than these, and doubled if both of
-    its counters have been seen. Any other record behind the newest one means that the counter of the sensor began anew.
-
-    Attributes:
-        lost: records that are missing at present.
+    A record that is not newer than the newest one is late. One that is older by `WINDOW`, or comes after a silence, is
+    of a counter that began anew.
     """
 
-    lost: int = 0
     _newest: int | None = None
-    _sample: int = 0
-    _missing: set[int] = field(default_factory=set)
-    _seen: set[tuple[int, int]] = field(default_factory=set)
-    _recent: deque[tuple[int, int]] = field(default_factory=deque)
+    _is_silent: bool = False
 
-    def place(self, number: int, sample: int) -> Arrival:
-        """Returns what a record is.
+    def place(self, number: int) -> dict[str, int]:
+        """Returns what a record adds to the `StreamCounts`: nothing if it is the next one."""
+        ahead = 1
+        if self._newest is not None:
+            ahead = (number - self._newest + WRAP // 2) % WRAP - WRAP // 2
+        if -WINDOW < ahead <= 0 and not self._is_silent:
+            return {"late": 1}
+        self._newest, self._is_silent = number, False
+        return {"lost": ahead - 1} if ahead > 0 else {"restarts": 1}
 
-        Args:
-            number: counter of the records of the stream.
-            sample: counter of the samples of the sensor.
-        """
-        if (number, sample) in self._seen:
-            return Arrival.DOUBLED
-        self._remember(number, sample)
-        newest, last_sample = self._newest, self._sample
-        if number in self._missing and (sample - last_sample) % WRAP >= WRAP // 2:
-            self._missing.discard(number)
-            self.lost -= 1
-            return Arrival.LATE
-        self._newest, self._sample = number, sample
-        if newest is None:
-            return Arrival.NEW
-        ahead = (number - newest) % WRAP
-        if not 0 < ahead < WRAP // 2:
-            self._missing.clear()
-            return Arrival.RESTARTED
-        self.lost += ahead - 1
-        if ahead > 1:
-            gap = {(newest + k) % WRAP for k in range(max(1, ahead - WINDOW), ahead)}
-            self._missing = {k for k in self._missing | gap if (number - k) % WRAP <= WINDOW}
-        return Arrival.NEW
-
-    def forget(self) -> None:
-        """Forgets what was seen and what is missing: after a silence, these counters are those of a new beginning."""
-        self._seen.clear()
-        self._recent.clear()
-        self._missing.clear()
-
-    def _remember(self, number: int, sample: int) -> None:
-        self._seen.add((number, sample))
-        self._recent.append((number, sample))
-        if len(self._recent) > WINDOW:
-            self._seen.discard(self._recent.popleft())
+    def note_silence(self) -> None:
+        """Takes what comes next for new, whatever its counter."""
+        self._is_silent = True

@@ -174,12 +174,6 @@ def test_an_arm_that_is_not_in_remote_control_is_named(controller):
         UrArm(controller.host)
 
 
-def test_an_address_without_an_arm_is_named():
-    pytest.importorskip("rtde_control", reason="needs the extra 'ur'")
-    with pytest.raises(ConnectionError, match=r"127.9.8.7:30004: no answer .* expected an arm of Universal Robots"):
-        UrArm("127.9.8.7")
-
-
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "rtde_control", None)
     with pytest.raises(ModuleNotFoundError, match="rtde_control"):

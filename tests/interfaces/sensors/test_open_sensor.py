@@ -1,7 +1,6 @@
 """Sensors by their address, and the estimate of an arm as a sensor."""
 
 import time
-from contextlib import closing
 
 import numpy as np
 import pytest
@@ -9,8 +8,6 @@ import pytest
 from interfaces.robots.arm_wrench import ArmWrench
 from interfaces.robots.robot_arm import ArmState
 from interfaces.sensors import open_sensor as module
-from interfaces.sensors.net_ft import NetFt
-from interfaces.sensors.net_ft_server import NetFtServer
 from interfaces.sensors.open_sensor import open_sensor
 
 
@@ -24,23 +21,26 @@ class StillArm:
         return ArmState(self.time, np.array([0.5, 0.0]), np.zeros(2), self.wrench, self.fault)
 
 
-def test_the_wrench_is_moved_along_the_lever_and_turned():
-    # 10 N along y of the base act 0.1 m below the flange, on the sensor's axis: about the flange, they have the moment
-    # (0, 0, -0.1) x (0, 10, 0) = (1, 0, 0) N m. The sensor is there, so that it measures no moment. It is turned by
-    # 90 deg about z, and its x axis points along y of the base.
-    R_OS = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    stream = ArmWrench(StillArm([0.0, 10.0, 0.0, 1.0, 0.0, 0.0]), lambda angles: (R_OS, np.array([0.0, 0.0, -0.1])))
-    np.testing.assert_allclose(stream.latest().wrench, [10.0, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-12)
-    # Halfway to the flange, 0.05 m above the force, the lever is half as long. The 0.5 N m about x of the base are
-    # about minus y of the sensor.
-    stream = ArmWrench(StillArm([0.0, 10.0, 0.0, 1.0, 0.0, 0.0]), lambda angles: (R_OS, np.array([0.0, 0.0, -0.05])))
-    np.testing.assert_allclose(stream.latest().wrench, [10.0, 0.0, 0.0, 0.0, -0.5, 0.0], atol=1e-12)
+@pytest.mark.parametrize(
+    ("height", "moment"),
+    [
+        (-0.1, [0.0, 0.0, 0.0]),  # the sensor is where the force acts
+        (-0.05, [0.0, -0.5, 0.0]),  # halfway to the flange: 0.5 N m about x of the base are about minus y of the sensor
+    ],
+)
+def test_the_wrench_is_moved_along_the_lever_and_turned_at_the_angles_of_the_arm(height, moment):
+    """10 N along y of the base act 0.1 m below the flange: (0, 0, -0.1) x (0, 10, 0) = (1, 0, 0) N m about it.
 
+    The sensor is turned by 90 deg about z, and its x axis points along y of the base.
+    """
+    asked, R_OS = [], np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
-def test_the_sensor_moves_with_the_joints():
-    asked = []
-    stream = ArmWrench(StillArm(np.zeros(6)), lambda angles: asked.append(angles) or (np.eye(3), np.zeros(3)))
-    stream.latest()
+    def pose(angles):
+        asked.append(angles)
+        return R_OS, np.array([0.0, 0.0, height])
+
+    stream = ArmWrench(StillArm([0.0, 10.0, 0.0, 1.0, 0.0, 0.0]), pose)
+    np.testing.assert_allclose(stream.latest().wrench, [10.0, 0.0, 0.0, *moment], atol=1e-12)
     np.testing.assert_array_equal(asked, [[0.5, 0.0]])
 
 
@@ -55,15 +55,6 @@ def test_a_reading_is_as_old_as_the_state_of_the_arm():
     assert second.time > first.time
     assert (first.sound, second.sound) == (True, False)
     assert stream.counts().text() == "2 received, 1 faulty"
-    stream.close()
-
-
-def test_the_address_of_a_net_ft_sensor_opens_it():
-    with (
-        closing(NetFtServer()) as server,
-        closing(open_sensor(f"netft://127.0.0.1:{server.port}:{server.http_port}")) as stream,
-    ):
-        assert isinstance(stream, NetFt)
 
 
 @pytest.mark.parametrize(
