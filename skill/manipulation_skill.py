@@ -28,7 +28,7 @@ from skill.policy.rig_policy import Action
 from skill.policy.transitions import Transitions, transitions
 from skill.regression.bandwidth_selection import tuned_regressor
 from skill.regression.locally_weighted_regression import LWRegressor
-from skill.regression.protocols import ExplainableRegressor, Regressor, StateRegressor
+from skill.regression.protocols import Regressor
 from skill.skill_file import POLICIES, SKILL_PARAMETERS, SkillContents, read_skill_file, write_skill_file
 from skill.states.contact_state_filter import ContactStateFilter
 from skill.states.estimate import Estimate, StateEstimator
@@ -59,7 +59,7 @@ class ManipulationSkill:
         policy: "imitate", do what the good demonstrations do in the same situation, or "plan", do what leads to the
             desired next state (`skill.policy.planner`).
         regressor: regressor of the actions, with several outputs as in scikit-learn; None for `LWRegressor`. The
-            latter is tuned by `tuned_regressor`. A `StateRegressor` is given the contact states.
+            latter is tuned by `tuned_regressor`, and is given the contact states.
         still: delta_s, m; see `refine_demonstration`.
         rough: delta_d, m; see `refine_demonstration`.
         correction_time: tau_c, s, and
@@ -190,7 +190,7 @@ class ManipulationSkill:
             self.regressor_ = tuned_regressor(X, Y, groups, memberships=P, random_state=self.random_state)
         else:
             self.regressor_ = clone(self.regressor)
-        if isinstance(self.regressor_, StateRegressor):
+        if isinstance(self.regressor_, LWRegressor):
             self.regressor_.fit(X, Y, memberships=P)
         else:
             self.regressor_.fit(X, Y)
@@ -310,10 +310,9 @@ class ManipulationSkill:
             TypeError: if the regressor cannot explain its predictions.
             ValueError: as for `act`.
         """
-        if not isinstance(self.regressor_, ExplainableRegressor):
+        if not isinstance(self.regressor_, LWRegressor):
             raise TypeError(
-                f"a {type(self.regressor_).__name__} cannot explain its predictions;"
-                " expected a regressor with a method `explain`, such as LWRegressor"
+                f"a {type(self.regressor_).__name__} cannot explain its predictions; expected an LWRegressor"
             )
         query = self._query(measured, estimate)
         prediction = self._predictor().predict(query)

@@ -20,7 +20,7 @@ from compiled import compiled
 from skill.arrays import Array
 from skill.policy.prediction import NearSamples, Prediction, Query
 from skill.regression.locally_weighted_regression import MAX_QUERY, LWRegressor, RegressionNumbers, local_prediction
-from skill.regression.protocols import Regressor, StateRegressor
+from skill.regression.protocols import Regressor
 
 N_TURNS, FEED, SPIN = 2, 2, 3
 """Places of the outputs of the regressor: first turns about x and y, then the feed, and last the turn about z if the
@@ -59,9 +59,6 @@ class Imitation:
                 raise ValueError(f"an estimate of {P.size} contact states; expected the {shared} of the skill")
             found = imitate(self.numbers, X[0], np.array(P[0]))
             return Prediction(found.action, found.support, found.limited, NearSamples(found.rows, found.weights))
-        if isinstance(regressor, StateRegressor):
-            predictions, log_support = regressor.predict_with_support(X, P)
-            return Prediction(predictions[0], support_of(self.min_log_support, float(log_support[0])), limited=False)
         return Prediction(np.asarray(regressor.predict(X))[0], 1.0, limited=False)
 
 
@@ -137,7 +134,7 @@ def lowest_log_support(regressor: Regressor, demonstrations: Array) -> float:
         regressor: the fitted regressor.
         demonstrations: (n,), the number of the demonstration of each sample.
     """
-    if not isinstance(regressor, StateRegressor) or len(np.unique(demonstrations)) < 2:
+    if not isinstance(regressor, LWRegressor) or len(np.unique(demonstrations)) < 2:
         return -math.inf
     with np.errstate(invalid="ignore"):  # between -inf and another number the quantile is NaN
         lowest = float(np.quantile(regressor.support_between(demonstrations), LOW_SUPPORT_SHARE))

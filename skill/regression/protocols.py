@@ -1,12 +1,12 @@
-"""What a regressor can offer to a `ManipulationSkill`, beyond ``fit`` and ``predict`` of scikit-learn."""
+"""What a `ManipulationSkill` needs of a regressor, and how one of this package explains a prediction."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from skill.arrays import Array
 
@@ -46,25 +46,3 @@ class Regressor(Protocol):
 
     def predict(self, X: Array) -> Any:
         """Predicted outputs (m, p) at queries (m, d)."""
-
-
-@runtime_checkable
-class StateRegressor(Protocol):
-    """A regressor that takes contact states into account, and reports how well samples support a prediction."""
-
-    def fit(self, X: Array, y: Array, memberships: Array) -> Self:
-        """Fits outputs (n, p) to features (n, d) of samples with contact-state probabilities (n, K)."""
-
-    def predict_with_support(self, X: Array, memberships: Array) -> tuple[Array, Array]:
-        """Predictions (m, p), and the logarithm of the greatest kernel weight (m,) of each query."""
-
-    def support_between(self, groups: ArrayLike) -> Array:
-        """Logarithm of the greatest kernel weight (n,) that each sample finds in the other groups (n,)."""
-
-
-@runtime_checkable
-class ExplainableRegressor(Protocol):
-    """A regressor that can explain a prediction."""
-
-    def explain(self, x: Array, membership: Array, level: float) -> Explanation:
-        """Explains the prediction at one query (d,) with contact-state probabilities (K,)."""
