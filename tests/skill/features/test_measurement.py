@@ -3,7 +3,6 @@ import pytest
 
 from skill.features.measurement import (
     contact_load,
-    contact_loads,
     load_of_components,
     measurement,
     observations,
@@ -22,11 +21,6 @@ def test_a_measurement_is_the_wrench_and_the_height_of_the_tip():
 def test_the_load_is_the_norm_of_force_and_moment_over_the_peg_radius():
     assert contact_load(WRENCH, 0.01) == pytest.approx(np.hypot(13.0, 5.0))
     assert contact_load(np.array([*WRENCH, 99.0]), 0.01) == contact_load(WRENCH, 0.01)  # ignores further elements
-
-
-def test_loads_of_a_series_are_bit_identical_to_single_loads():
-    wrenches = np.random.default_rng(0).standard_normal((500, 6)) * [9, 9, 9, 0.1, 0.1, 0.1]
-    assert contact_loads(wrenches, 0.01).tolist() == [contact_load(w, 0.01) for w in wrenches]
 
 
 def test_the_load_of_six_floats_is_that_of_the_array():
