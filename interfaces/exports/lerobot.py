@@ -10,10 +10,10 @@ episodes are read: what another program changes in the other features does not c
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 
 from interfaces.exports.episodes import DEMONSTRATIONS, RUNS, Episode, Feature
 from skill.arrays import Array
-from skill.data.demonstration import Demonstration, read_demonstration, write_demonstration
+from skill.data.demonstration import COLUMNS, FORMAT_VERSION, read_demonstration
 from skill.data.files import MAX_LENGTH, one_line, parse_object, read_bounded
-from skill.data.outcome import parse_outcome
-from skill.data.rig_run import RigRun, read_rig_run, write_rig_run
+from skill.data.rig_run import RUN_COLUMNS, RUN_VERSION, read_rig_run
+from skill.data.tables import write_table
 from skill.recordings.parquet_file import read_columns
 
 ABOUT = "meta/haptic_skill.json"
@@ -45,8 +45,24 @@ FRAME_FEATURES = {
 }
 """The features that every data set has."""
 
-HEADER_KEYS = {DEMONSTRATIONS: ("good", "outcome", "metadata"), RUNS: ("result", "metadata")}
-"""What the header of an episode holds, by the kind of the data set."""
+HEADERS = {"episode_index": pa.int64(), NAME: None, HEADER: None}
+"""The columns of the episodes that are read, and their types; other programs have several for texts."""
+
+
+class RecordingFile(NamedTuple):
+    """How the file of a recording is made: its kind, version and columns, and the function that reads it."""
+
+    kind: str
+    version: int
+    columns: tuple[str, ...]
+    read: Callable[[Path], object]
+
+
+RECORDINGS = {
+    DEMONSTRATIONS: RecordingFile("demonstration", FORMAT_VERSION, COLUMNS, read_demonstration),
+    RUNS: RecordingFile("rig_run", RUN_VERSION, RUN_COLUMNS, read_rig_run),
+}
+"""The files of the recordings, by the kind of the data set."""
 
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 
@@ -218,19 +234,18 @@ def read_dataset(folder: Path) -> tuple[str, list[StoredRecording]]:
         " (to discover contact states in another one: haptic-skill states FOLDER)",
     )
     kind = about.get("kind")
-    if about.get("format_version") != ABOUT_VERSION or kind not in HEADER_KEYS:
+    if about.get("format_version") != ABOUT_VERSION or kind not in RECORDINGS:
         raise ValueError(f"{folder / ABOUT}: version {about.get('format_version')!r:.20}, kind {kind!r:.40}; expected"
-                         f" version {ABOUT_VERSION} and {' or '.join(HEADER_KEYS)}")  # fmt: skip
-    features = info.get("features")
-    recording = features.get("recording") if isinstance(features, dict) else None
-    names = recording.get("names") if isinstance(recording, dict) else None
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise ValueError(f"{folder}: the feature 'recording' has no names of columns")
-    episodes = sorted((folder / "meta" / "episodes").glob("chunk-*/*.parquet"))
-    if not episodes:
-        raise ValueError(f"{folder}: no files meta/episodes/chunk-*/*.parquet")
-    headers = pd.concat([_episodes(path) for path in episodes]).sort_values("episode_index")
-    return kind, list(_recordings(folder, kind, names, headers))
+                         f" version {ABOUT_VERSION} and {' or '.join(RECORDINGS)}")  # fmt: skip
+    columns = RECORDINGS[kind].columns
+    try:
+        names = info["features"]["recording"]["names"]
+    except (KeyError, TypeError):
+        names = None
+    if names != list(columns):
+        raise ValueError(f"{folder}: the feature 'recording' has the columns {names!r:.60}, expected {list(columns)}")
+    headers = pd.concat([t.to_pandas() for t in _tables(folder, "meta/episodes", HEADERS)]).sort_values("episode_index")
+    return kind, list(_recordings(folder, kind, headers))
 
 
 def write_recording(stored: StoredRecording, kind: str, path: Path) -> None:
@@ -240,21 +255,20 @@ def write_recording(stored: StoredRecording, kind: str, path: Path) -> None:
         ValueError: if it is no valid recording. The message names the episode.
         OSError: if it cannot be written.
     """
-    header, metadata = stored.header, stored.header["metadata"]
+    file = RECORDINGS[kind]
     try:
-        if kind == RUNS:
-            write_rig_run(RigRun(stored.samples, header["result"], metadata), path)
-            read_rig_run(path)
-        else:
-            outcome, detail = parse_outcome(str(header["outcome"]))
-            write_demonstration(Demonstration(stored.samples, header["good"], outcome, metadata, detail), path)
-            read_demonstration(path)
+        write_table(stored.samples, file.columns, path, kind=file.kind, version=file.version, header=stored.header)
+        file.read(path)
     except ValueError as error:
         raise ValueError(f"{stored.where}: {str(error).replace(f'{path}: ', '')}") from error
 
 
-def _recordings(folder: Path, kind: str, names: list[str], headers: pd.DataFrame) -> Iterator[StoredRecording]:
-    numbers, frames, values = _frames(folder, len(names))
+def _recordings(folder: Path, kind: str, headers: pd.DataFrame) -> Iterator[StoredRecording]:
+    columns = RECORDINGS[kind].columns
+    numbered = {"episode_index": pa.int64(), "frame_index": pa.int64()}
+    tables = _tables(folder, "data", {**numbered, "recording": pa.list_(pa.float64(), len(columns))}, len(columns))
+    numbers, frames = (np.concatenate([table[name].to_numpy() for table in tables]) for name in numbered)
+    values = np.concatenate([table["recording"].combine_chunks().flatten().to_numpy() for table in tables])
     found = headers["episode_index"].tolist()
     if found != list(range(len(found))) or set(numbers.tolist()) != set(found):
         raise ValueError(f"{folder}: the episodes of meta and data differ; expected the numbers 0 to {len(found) - 1}")
@@ -267,17 +281,15 @@ def _recordings(folder: Path, kind: str, names: list[str], headers: pd.DataFrame
             raise ValueError(f"{where}: frames are missing, occur twice or are out of order; {expected}")
         try:
             header = parse_object(str(text))
-        except ValueError as error:
+            if kind == DEMONSTRATIONS:
+                header |= header.pop("metadata")
+        except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{where}: damaged {HEADER} ({one_line(error)})") from error
-        lacking = [key for key in HEADER_KEYS[kind] if key not in header]
-        if lacking or not isinstance(header["metadata"], dict):
-            raise ValueError(f"{where}: {HEADER} lacks {lacking or 'metadata'}; expected that of {kind}")
-        if kind == DEMONSTRATIONS and not isinstance(header["outcome"], str):
-            raise ValueError(f"{where}: 'outcome' in {HEADER} is {header['outcome']!r:.60}, expected a text")
         if not _is_file_name(name) or name in seen:
             raise ValueError(f"{where}: {NAME} is {name!r:.60}, expected the name of a file *.parquet, each once")
         seen.add(name)
-        yield StoredRecording(name, pd.DataFrame(values[rows], columns=names), header, where)
+        samples = pd.DataFrame(values.reshape(-1, len(columns))[rows], columns=list(columns))
+        yield StoredRecording(name, samples, header, where)
 
 
 def _is_file_name(name: object) -> bool:
@@ -285,39 +297,19 @@ def _is_file_name(name: object) -> bool:
     return isinstance(name, str) and name.isprintable() and Path(name).suffix == ".parquet" and Path(name).name == name
 
 
-def _frames(folder: Path, width: int) -> tuple[Array, Array, Array]:
-    """Episode (N,), frame (N,) and columns (N, width) of all frames."""
-    parts = sorted((folder / "data").glob("chunk-*/*.parquet"))
-    if not parts:
-        raise ValueError(f"{folder}: no files data/chunk-*/*.parquet")
-    tables = [read_columns(p, lambda _: ["episode_index", "frame_index", "recording"], width=width) for p in parts]
-    for path, table in zip(parts, tables, strict=True):
-        kind = table.schema.field("recording").type
-        if not pa.types.is_fixed_size_list(kind) or kind != pa.list_(pa.float64(), width):
-            raise ValueError(f"{path}: 'recording' has type {kind}, expected {width} numbers of 64 bits")
-        if empty := table["recording"].null_count:
-            raise ValueError(f"{path}: 'recording' is empty in {empty} rows, expected {width} numbers in each")
-        _check_index(table, "frame_index", path)
-        _check_index(table, "episode_index", path)
-    numbers, frames = (
-        np.concatenate([table[name].to_numpy() for table in tables]) for name in ("episode_index", "frame_index")
-    )
-    values = np.concatenate([table["recording"].combine_chunks().flatten().to_numpy() for table in tables])
-    return numbers, frames, values.reshape(-1, width)
-
-
-def _check_index(table: pa.Table, name: str, path: Path) -> None:
-    column = table[name]
-    if not pa.types.is_integer(column.type) or column.null_count:
-        raise ValueError(f"{path}: '{name}' has type {column.type}, expected a whole number in each row")
-
-
-def _episodes(path: Path) -> pd.DataFrame:
-    """Numbers, names and headers of episodes."""
-    table = read_columns(path, lambda _: ["episode_index", NAME, HEADER])
-    _check_index(table, "episode_index", path)
-    rows: pd.DataFrame = table.to_pandas().astype({NAME: object, HEADER: object})
-    return rows
+def _tables(folder: Path, part: str, types: Mapping[str, pa.DataType | None], width: int = 1) -> list[pa.Table]:
+    """Some columns of the files of a part of a data set, with a value in each row; None stands for any type."""
+    paths = sorted((folder / part).glob("chunk-*/*.parquet"))
+    if not paths:
+        raise ValueError(f"{folder}: no files {part}/chunk-*/*.parquet")
+    tables = [read_columns(path, lambda _: list(types), width=width) for path in paths]
+    for path, table in zip(paths, tables, strict=True):
+        for name, kind in types.items():
+            column = table[name]
+            if column.null_count or kind not in (None, column.type):
+                found = f"'{name}' has type {column.type} and is empty in {column.null_count} rows"
+                raise ValueError(f"{path}: {found}, expected {kind or 'a text'} in each row")
+    return tables
 
 
 def _object(path: Path, expected: str) -> dict[str, Any]:

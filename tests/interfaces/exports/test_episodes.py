@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.spatial.transform import Rotation
 
-from experiments.exact_states import exact_bodies
 from interfaces.exports.episodes import (
     check_times,
     demonstration_episode,
@@ -94,34 +92,20 @@ def test_outcome_and_success(outcome, success):
     assert episode.header["good"] is False
 
 
-def test_labels_of_a_demonstration_are_exact():
-    demonstration = make_demonstration()
-    samples = demonstration.samples
-    axes = Rotation.from_rotvec(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy()).as_matrix()
-    bodies = exact_bodies(demonstration)
-    positions = samples[["x", "y", "z"]].to_numpy()
-    one_by_one = [bodies.label(p[None], R[None])[0] for p, R in zip(positions, axes, strict=True)]
-    found = demonstration_labels(demonstration)
-    assert found.tolist() == one_by_one
-    assert ContactLabel.FREE in found
-
-
 def test_labels_are_unknown_without_geometry_and_beyond_45_degrees():
     demonstration = make_demonstration()
     assert set(demonstration_labels(replace(demonstration, metadata={})).tolist()) == {-1}
     samples = demonstration.samples.copy()
     samples.loc[3, "angle"] = 1.2
     found = demonstration_labels(replace(demonstration, samples=samples, outcome=Outcome.DIVERGED))
+    assert found.tolist().count(-1) == 1
     assert found[3] == -1
-    assert (np.delete(found, 3) >= 0).all()
+    assert found[0] == ContactLabel.FREE
 
 
 @pytest.mark.slow
 def test_states_are_those_of_the_estimator_of_the_skill(skill, demonstrations):
-    episode, features = (
-        demonstration_episode(demonstrations[0], "a.parquet", skill),
-        demonstration_features(skill),
-    )
+    episode, features = demonstration_episode(demonstrations[0], "a.parquet", skill), demonstration_features(skill)
     found = list(estimates(skill.estimator(), observed_series(demonstrations[0].samples)))
     assert episode.columns["contact_state"].tolist() == [estimate.state for estimate in found]
     assert set(episode.columns) == set(features)
@@ -148,10 +132,6 @@ def test_a_run_holds_what_the_rig_measures_and_commands_and_an_action_the_next_c
     np.testing.assert_array_equal(columns["action"], [*commands[1:], commands[-1]])
 
 
-def test_labels_of_a_run_are_unknown_without_geometry():
-    assert set(run_labels(make_rig_run().samples, None).tolist()) == {-1}
-
-
 LABELS = {
     ContactLabel.FREE: (-0.010, {}),
     ContactLabel.FACE: (0.0, {"face": (0.0, 0.0, 0.0, 3.0)}),
@@ -171,3 +151,4 @@ def test_a_label_follows_from_the_contacts(label):
     for place, numbers in contacts.items():
         row |= dict(zip((f"contact_{place}_{name}" for name in ("z", "fx", "fy", "fz")), numbers, strict=True))
     assert run_labels(pd.DataFrame([row]), SIZES).tolist() == [label]
+    assert run_labels(pd.DataFrame([row]), None).tolist() == [-1]

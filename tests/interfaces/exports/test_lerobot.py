@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -21,12 +20,10 @@ from interfaces.exports.lerobot import (
     feature_statistics,
     joined_statistics,
 )
-from scripts.export import export_lerobot, import_lerobot
-from skill.data.demonstration import read_demonstration, read_demonstrations, write_demonstration
-from skill.data.outcome import Outcome
+from scripts.export import import_lerobot
+from skill.data.demonstration import read_demonstrations
 from skill.recordings.lerobot_folder import read_lerobot_folder
 from tests.interfaces.exports.datasets import exported, write_demonstrations, write_runs
-from tests.trajectories import make_demonstration
 
 EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 DATA = "data/chunk-000/file-000.parquet"
@@ -103,11 +100,9 @@ def test_joined_statistics_are_those_of_all_frames_and_joined_quantiles_are_weig
     assert [flags[name].tolist() for name in ("min", "max", "mean", "count")] == [[0.0], [1.0], [0.25], [4]]
 
 
-@pytest.mark.parametrize("feature", [None, "observation.environment_state"])
-@pytest.mark.parametrize("write", [write_demonstrations, write_runs])
-def test_the_reader_of_other_data_sets_reads_the_wrench(tmp_path, feature, write):
-    source, dataset = exported(tmp_path, write)
-    found = read_lerobot_folder(dataset, feature=feature)
+def test_the_reader_of_other_data_sets_reads_the_wrench(tmp_path):
+    source, dataset = exported(tmp_path, write_runs)
+    found = read_lerobot_folder(dataset)
     assert [recording.channels for recording in found] == [("fx", "fy", "fz", "mx", "my", "mz")] * 3
     for recording, path in zip(found, sorted(source.glob("*.parquet")), strict=True):
         samples = pq.read_table(path).to_pandas()
@@ -143,71 +138,31 @@ def test_the_recordings_come_back_byte_for_byte(tmp_path, write):
         assert (tmp_path / "again" / name).read_bytes() == (source / name).read_bytes()
 
 
-def test_failures_and_details_come_back(tmp_path):
-    samples = make_demonstration().samples
-    shallow = replace(make_demonstration(), samples=samples[:60], good=False, outcome=Outcome.JAMMED, detail="at 8 mm")
-    write_demonstration(shallow, tmp_path / "in" / "a.parquet")
-    export_lerobot(tmp_path / "in", tmp_path / "dataset")
-    import_lerobot(tmp_path / "dataset", tmp_path / "out")
-    found = read_demonstration(tmp_path / "out" / "a.parquet")
-    assert (found.good, found.outcome, found.detail, found.metadata) == (
-        False,
-        Outcome.JAMMED,
-        "at 8 mm",
-        shallow.metadata,
-    )
-    np.testing.assert_array_equal(found.samples, shallow.samples)
-
-
-def change_table(path, change):
-    pq.write_table(change(pq.read_table(path)), path)
-
-
 def change_json(path, **changes):
     path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
 
 
-def without_headers(folder):
-    change_table(folder / EPISODES, lambda table: table.drop_columns([HEADER]))
+def change_table(file, change):
+    def apply(folder):
+        pq.write_table(change(pq.read_table(folder / file)), folder / file)
+
+    return apply
 
 
-def drop_recording(folder):
-    info = json.loads((folder / "meta/info.json").read_text())
-    change_json(folder / "meta/info.json", features={k: f for k, f in info["features"].items() if k != "recording"})
+def change_column(file, name, change):
+    return change_table(file, lambda t: t.set_column(t.schema.get_field_index(name), name, change(t[name])))
 
 
-def set_column(name, values):
-    def change(table):
-        return table.set_column(table.schema.get_field_index(name), name, pa.array(values))
-
-    return lambda folder: change_table(folder / EPISODES, change)
-
-
-def single_precision(folder):
-    def change(table):
-        place = table.schema.get_field_index("recording")
-        return table.set_column(place, "recording", table["recording"].cast(pa.list_(pa.float32(), 21)))
-
-    change_table(folder / DATA, change)
+def texts(name, values):
+    return change_column(EPISODES, name, lambda _: pa.array(values))
 
 
 def feature_of(value):
-    def change(folder):
-        info = json.loads((folder / "meta/info.json").read_text())
-        change_json(folder / "meta/info.json", features={**info["features"], "recording": value})
-
-    return change
+    return lambda folder: change_json(folder / "meta/info.json", features={"recording": value})
 
 
-def empty(name, rows):
-    def change(table):
-        kept = np.zeros(len(table), dtype=bool)
-        kept[rows] = True
-        place, column = table.schema.get_field_index(name), table[name].combine_chunks()
-        values = [None if gone else value for value, gone in zip(column.to_pylist(), kept, strict=True)]
-        return table.set_column(place, name, pa.array(values, type=column.type))
-
-    return lambda folder: change_table(folder / DATA, change)
+def first_is_empty(file, name):
+    return change_column(file, name, lambda c: pa.array([None, *c.to_pylist()[1:]], type=c.type))
 
 
 REFUSED = {
@@ -218,45 +173,39 @@ REFUSED = {
     "info": (lambda f: (f / "meta/info.json").write_text("{"), "info.json: damaged"),
     "no info": (lambda f: (f / "meta/info.json").unlink(), "info.json: no such file; expected a data set of LeRobot"),
     "no data": (lambda f: (f / DATA).unlink(), "no files data/chunk-*/*.parquet"),
-    "no recording": (drop_recording, "the feature 'recording' has no names of columns"),
-    "no headers": (without_headers, f"no column ['{HEADER}']"),
+    "no headers": (change_table(EPISODES, lambda t: t.drop_columns([HEADER])), f"no column ['{HEADER}']"),
     "no episodes": (lambda f: (f / EPISODES).unlink(), "no files meta/episodes/chunk-*/*.parquet"),
     "truncated": (lambda f: (f / DATA).write_bytes((f / DATA).read_bytes()[:-9]), "not a complete Parquet file"),
-    "lost frames": (lambda f: change_table(f / DATA, lambda t: t.slice(1)), "episode 0: frames are missing"),
-    "lost episode": (lambda f: change_table(f / DATA, lambda t: t.slice(0, 120)), "episodes of meta and data differ"),
-    "header": (set_column(HEADER, ["{"] * 3), f"episode 0: damaged {HEADER}"),
-    "header of another kind": (set_column(HEADER, ['{"metadata": {}}'] * 3), "lacks ['good', 'outcome']"),
-    "path": (set_column(NAME, ["../a.parquet", "b.parquet", "c.parquet"]), "episode 0: haptic_skill/name is '../a"),
-    "same name": (set_column(NAME, ["a.parquet"] * 3), "episode 1: haptic_skill/name is 'a.parquet'"),
-    "hidden name": (set_column(NAME, [".parquet", "b.parquet", "c.parquet"]), "haptic_skill/name is '.parquet'"),
-    "bell in a name": (set_column(NAME, ["a.parquet", "b\a.parquet", "c.parquet"]), "episode 1: haptic_skill/name is"),
-    "line in a name": (set_column(NAME, ["a.parquet", "b.parquet", "c\n.parquet"]), "episode 2: haptic_skill/name is"),
-    "outcome of a number": (
-        set_column(HEADER, ['{"good": true, "outcome": 3, "metadata": {}}'] * 3),
-        f"episode 0: 'outcome' in {HEADER} is 3, expected a text",
-    ),
-    "outcome of nothing": (
-        set_column(HEADER, ['{"good": true, "outcome": null, "metadata": {}}'] * 3),
-        f"episode 0: 'outcome' in {HEADER} is None, expected a text",
-    ),
+    "lost frames": (change_table(DATA, lambda t: t.slice(1)), "episode 0: frames are missing"),
+    "lost episode": (change_table(DATA, lambda t: t.slice(0, 120)), "episodes of meta and data differ"),
+    "header": (texts(HEADER, ["{"] * 3), f"episode 0: damaged {HEADER}"),
+    "header of another kind": (texts(HEADER, ['{"good": true}'] * 3), f"damaged {HEADER} ('metadata')"),
+    "header of a number": (texts(HEADER, ['{"metadata": 3}'] * 3), f"damaged {HEADER} ("),
+    "path": (texts(NAME, ["../a.parquet", "b.parquet", "c.parquet"]), "episode 0: haptic_skill/name is '../a"),
+    "name of a number": (texts(NAME, [1, 2, 3]), "episode 0: haptic_skill/name is 1"),
+    "same name": (texts(NAME, ["a.parquet"] * 3), "episode 1: haptic_skill/name is 'a.parquet'"),
+    "hidden name": (texts(NAME, [".parquet", "b.parquet", "c.parquet"]), "haptic_skill/name is '.parquet'"),
+    "bell in a name": (texts(NAME, ["a.parquet", "b\a.parquet", "c.parquet"]), "episode 1: haptic_skill/name is"),
     "shuffled frames": (
-        lambda f: change_table(f / DATA, lambda t: t.take(np.r_[1, 0, 2 : len(t)])),
+        change_table(DATA, lambda t: t.take(np.r_[1, 0, 2 : len(t)])),
         "episode 0: frames are missing, occur twice or are out of order",
     ),
-    "reversed frames": (
-        lambda f: change_table(f / DATA, lambda t: t.take(np.arange(len(t))[::-1])),
-        "episode 0: frames are missing, occur twice or are out of order",
+    "no names": (feature_of({"names": None}), "the feature 'recording' has the columns None, expected ['time',"),
+    "recording of a list": (feature_of([1, 2]), "the feature 'recording' has the columns None"),
+    "empty row": (first_is_empty(DATA, "recording"), "is empty in 1 rows, expected fixed_size_list<"),
+    "no name": (first_is_empty(EPISODES, NAME), "is empty in 1 rows, expected a text in each row"),
+    "episode of a text": (texts("episode_index", ["0", "1", "2"]), "'episode_index' has type"),
+    "precision": (
+        change_column(DATA, "recording", lambda c: c.cast(pa.list_(pa.float32(), 21))),
+        "'recording' has type fixed_size_list<",
     ),
-    "recording of a list": (feature_of([1, 2]), "the feature 'recording' has no names of columns"),
-    "recording of a text": (feature_of("x"), "the feature 'recording' has no names of columns"),
-    "empty recording": (empty("recording", slice(None)), "'recording' is empty in"),
-    "empty row": (empty("recording", slice(3, 4)), "'recording' is empty in 1 rows"),
-    "empty frame": (empty("frame_index", slice(0, 1)), "'frame_index' has type int64, expected a whole number in each"),
-    "episode of a text": (set_column("episode_index", ["0", "1", "2"]), "'episode_index' has type"),
-    "precision": (single_precision, "'recording' has type fixed_size_list<"),
     "implausible": (
-        set_column(HEADER, ['{"good": 1.5, "outcome": "inserted", "metadata": {}}'] * 3),
-        "episode 0: demonstration: 'good' is 1.5, expected true or false",
+        texts(HEADER, ['{"good": 1.5, "outcome": "inserted", "metadata": {}}'] * 3),
+        "episode 0: 'good' in the metadata is 1.5, expected true or false",
+    ),
+    "outcome of a number": (
+        texts(HEADER, ['{"good": true, "outcome": 3, "metadata": {}}'] * 3),
+        "episode 0: 'outcome' in the metadata is 3, expected a text",
     ),
 }
 

@@ -14,6 +14,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
 from interfaces.exports.mcap_log import JSON_TYPES, POSE, SCHEMAS, WRENCH, recording_log
+from interfaces.reports.motion import motion_of_run
 from skill.recordings.bag import read_bag
 from tests.trajectories import make_demonstration, make_rig_run
 
@@ -86,16 +87,13 @@ def test_rosbags_decodes_the_first_and_last_messages(recording, k):
     np.testing.assert_allclose(Rotation.from_quat([q.x, q.y, q.z, q.w]).as_rotvec(), turn, atol=1e-12)
 
 
-def test_the_pose_of_the_hole_turns_about_the_pivot():
+def test_the_pose_of_the_hole_is_that_of_the_motion():
     run = make_rig_run(rig={"pivot_height": -0.002})
-    types, topics = get_typestore(Stores.ROS2_HUMBLE), read(recording_log(run))
-    pose = types.deserialize_cdr(topics["/hole/pose"][2][0].data, POSE).pose
-    R = Rotation.from_quat([getattr(pose.orientation, a) for a in "xyzw"])
-    row = run.samples.iloc[0]
-    np.testing.assert_allclose(R.as_euler("XYZ"), [row["pitch"], row["yaw"], 0.0], atol=1e-12)
-    pivot = np.array([0.0, 0.0, -0.002])
-    found = [getattr(pose.position, a) for a in "xyz"] + R.apply(pivot)
-    np.testing.assert_allclose(found, pivot, atol=1e-15)  # the pivot stays where it is
+    types, motion = get_typestore(Stores.ROS2_HUMBLE), motion_of_run(run)
+    pose = types.deserialize_cdr(read(recording_log(run))["/hole/pose"][2][7].data, POSE).pose
+    np.testing.assert_array_equal([getattr(pose.position, a) for a in "xyz"], motion.p_WH[7])
+    found = Rotation.from_quat([getattr(pose.orientation, a) for a in "xyzw"])
+    np.testing.assert_allclose(found.as_matrix(), motion.R_WH[7].as_matrix(), atol=1e-12)
 
 
 def test_the_own_reader_reads_the_wrench_back(recording, tmp_path):
