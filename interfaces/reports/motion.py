@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from models.assembly import Assembly
-from models.meshes import TriangleMesh
 from skill.arrays import Array
 from skill.data.axes import AXES
 from skill.data.demonstration import Demonstration, read_demonstration
@@ -117,12 +116,12 @@ def read_motion(path: Path, skill: Path | None = None) -> Motion:
         raise ValueError(f"{path}: neither a demonstration nor a rig run (a Parquet file of another kind)")
     if kind == "rig_run":
         return motion_of_run(read_rig_run(path), where=str(path))
-    demonstration = read_demonstration(path)
-    if skill is None:
-        return motion_of_demonstration(demonstration, where=str(path))
-    from skill.manipulation_skill import ManipulationSkill  # imports scikit-learn, which most replays do not need
+    learnt = None
+    if skill is not None:
+        from skill.manipulation_skill import ManipulationSkill  # imports scikit-learn, which most replays do not need
 
-    return motion_of_demonstration(demonstration, ManipulationSkill.load(skill), where=str(path))
+        learnt = ManipulationSkill.load(skill)
+    return motion_of_demonstration(read_demonstration(path), learnt, where=str(path))
 
 
 def motion_of_demonstration(
@@ -246,18 +245,6 @@ def _contacts(samples: pd.DataFrame) -> dict[str, Array]:
             following = touching[np.minimum(np.searchsorted(touching, np.arange(len(points))), touching.size - 1)]
             points[:, place] = points[following, place]
     return {"contact_points": points, "contact_forces": forces}
-
-
-def make_block(size: PegHoleGeometry) -> TriangleMesh:
-    """Returns the mesh of the hole block, cut open towards the camera.
-
-    Args:
-        size: sizes of peg and hole.
-
-    Raises:
-        ValueError: if such a block cannot be made.
-    """
-    return Assembly.of(size).block_mesh(size.facets, block_radius=size.block_radius, floor=size.floor)
 
 
 def _columns(samples: pd.DataFrame, *names: str) -> Array:

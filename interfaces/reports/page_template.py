@@ -6,7 +6,7 @@ import html
 import io
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from string import Template
 from typing import TYPE_CHECKING, Any
@@ -15,22 +15,28 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def fill_page(name: str, *, assets: str | None = None, **values: str) -> str:
-    """Returns the page ``name``.html with its style, its script and ``values`` inserted.
+def fill_page(name: str, *, title: str, assets: Sequence[str], style: str = "", script: str = "", **values: str) -> str:
+    """Returns a page: page.html around ``name``.html, with its styles, its script and ``values`` inserted.
 
-    The template holds placeholders ``$key``. ``$style`` and ``$script`` are its style and script, ``$base`` is the
-    style that the pages with tables share. Inserted text is not searched for placeholders, so a ``$`` in it is safe.
+    The template holds placeholders ``$key``. Inserted text is not searched for placeholders, so a ``$`` in it is safe.
 
     Args:
         name: name of the template, without its ending.
-        assets: name of its style and script; None for that of the template.
-        **values: HTML for the other placeholders; the caller escapes text that users can choose.
+        title: of the page, escaped as ``values``.
+        assets: names of the styles, the last of which is that of the script too.
+        style: rules that come before them.
+        script: statements that come before the script.
+        **values: HTML for the placeholders; the caller escapes text that users can choose.
 
     Raises:
         KeyError: if the template has a placeholder without a value.
     """
-    page, style, script = _read(f"{name}.html"), _read(f"{assets or name}.css"), _read(f"{assets or name}.js")
-    return Template(page).substitute(values, base=_read("page.css"), style=style, script=script)
+    return Template(_read("page.html")).substitute(
+        title=title,
+        style="".join([style, *(_read(f"{asset}.css") for asset in assets)]),
+        body=Template(_read(f"{name}.html")).substitute(values, title=title),
+        script=script + _read(f"{assets[-1]}.js"),
+    )
 
 
 def tiles(values: Iterable[tuple[str, str]]) -> str:

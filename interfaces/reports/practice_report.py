@@ -30,9 +30,8 @@ WORTHWHILE = 0.20
 
 def round_table(rounds: Sequence[Round]) -> Table:
     """One row per round: its practice trials, and the result of its check. Round 0 is the check of the first skill."""
-    table = plain_table("practice")
-    for name in ("round", "practised", "inserted", "check cost (s)", "inserted", ""):
-        table.add_column(name, justify="right")
+    columns = ("round", "practised", "inserted", "check cost (s)", "inserted", "")
+    table = plain_table("practice", numbers=columns)
     for number, r in enumerate(rounds):
         table.add_row(
             str(number),
@@ -55,10 +54,8 @@ def change_table(
         before: results with the first skill.
         after: results with the practised skill, on the same trials.
     """
-    table = plain_table(f"{len(before)} held-out trials, median")
-    table.add_column("")
-    for name in ("before", "after", "change", "95 % interval", "p (Wilcoxon)"):
-        table.add_column(name, justify="right")
+    columns = ("before", "after", "change", "95 % interval", "p (Wilcoxon)")
+    table = plain_table(f"{len(before)} held-out trials, median", text="", numbers=columns)
     fell, rose = [], []
     for name, change in changes.items():
         title = MEASURES[name][1]

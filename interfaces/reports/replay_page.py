@@ -57,15 +57,27 @@ def replay_page(motion: Motion, *, title: str, speed: float = 1.0) -> str:
     lateral = motion.lateral_force @ turn / max(float(np.linalg.norm(motion.lateral_force, axis=1).max()), 1e-9)
     per_cm = f"{10.0 * scale.moment:g} N mm" if scale.moment < 10.0 else f"{0.01 * scale.moment:g} N m"
     colours = {"force": FORCE_COLOUR, "moment": MOMENT_COLOUR, "contact": CONTACT_COLOUR}
+    data = script_value(
+        {
+            "speed": speed,
+            "time": np.round(motion.time, 6).tolist(),
+            "readings": texts,
+            "phase": motion.phase.tolist(),
+            "colours": motion.colours,
+            "lean": np.round(lean, 4).tolist(),
+            "lateral": np.round(lateral, 4).tolist(),
+        }
+    )
     return fill_page(
         "replay",
+        assets=("replay",),
+        style=f":root {{ {'; '.join(f'--{name}: #{colour:06X}' for name, colour in colours.items())} }}\n",
         title=html.escape(title),
         about=html.escape(f"{motion.kind}: {motion.outcome}"),
         readings="".join(f'<tr><td>{name}</td><td class="reading"></td></tr>' for name in names),
         colouring=motion.colouring,
         phases=_legend(motion),
         contacts="" if motion.contact_forces is not None else "hidden",
-        arrow_colours="; ".join(f"--{name}: #{colour:06X}" for name, colour in colours.items()),
         force_scale=f"{0.01 * scale.force:g} N",
         moment_scale=per_cm,
         ring=f"{ring:g}",
@@ -76,18 +88,7 @@ def replay_page(motion: Motion, *, title: str, speed: float = 1.0) -> str:
         path=_dial_path(motion, lean),
         timeline=_timeline(motion),
         viewer=viewer_source(),
-        scene_commands=script_value(draw_scene(motion).commands_base64()),
-        data=script_value(
-            {
-                "speed": speed,
-                "time": np.round(motion.time, 6).tolist(),
-                "readings": texts,
-                "phase": motion.phase.tolist(),
-                "colours": motion.colours,
-                "lean": np.round(lean, 4).tolist(),
-                "lateral": np.round(lateral, 4).tolist(),
-            }
-        ),
+        script=f"const data = {data};\nconst sceneCommands = {script_value(draw_scene(motion).commands_base64())};\n",
     )
 
 

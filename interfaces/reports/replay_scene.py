@@ -17,7 +17,7 @@ from meshcat.commands import SetAnimation
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from interfaces.reports.motion import Motion, make_block
+from interfaces.reports.motion import Motion
 from models.assembly import Assembly
 from models.meshes import cutaway_columns
 from skill.arrays import Array
@@ -98,49 +98,53 @@ def draw_scene(motion: Motion) -> PageWindow:
     _set_stage(scene)
     _draw_block(scene["hole"], motion.geometry)
     _draw_peg(scene["peg"], motion)
-    _draw_arrow(scene["force"], FORCE_COLOUR, heads=1)
-    _draw_arrow(scene["moment"], MOMENT_COLOUR, heads=2)
-    animation = Animation()
+    animation, scale = Animation(), arrow_scale(motion)
     times = [float(t) for t in motion.time]
     _animate_pose(animation, scene["hole"], times, motion.p_WH, motion.R_WH)
     _animate_pose(animation, scene["peg"], times, motion.p_WP, motion.R_WP)
     _animate_colour(animation, scene["peg/body"], motion)
-    scale = arrow_scale(motion)
-    for name, vectors_P, per_metre in (("force", motion.force, scale.force), ("moment", motion.moment, scale.moment)):
-        _animate_arrow(animation, scene[name], times, motion.p_WP, motion.R_WP.apply(vectors_P) / per_metre)
+    arrows = {  # colour, number of heads, start and vector of each
+        "force": (FORCE_COLOUR, 1, motion.p_WP, motion.R_WP.apply(motion.force) / scale.force),
+        "moment": (MOMENT_COLOUR, 2, motion.p_WP, motion.R_WP.apply(motion.moment) / scale.moment),
+    }
     if motion.contact_points is not None and motion.contact_forces is not None:
-        for k, place in enumerate(ContactPlace):
-            node = scene[f"contact_{place}"]
-            _draw_arrow(node, CONTACT_COLOUR, heads=1)
-            arrows = motion.contact_forces[:, k] / scale.force
-            _animate_arrow(animation, node, times, motion.contact_points[:, k], arrows)
+        points, forces = motion.contact_points, motion.contact_forces / scale.force
+        arrows |= {
+            f"contact_{place}": (CONTACT_COLOUR, 1, points[:, k], forces[:, k]) for k, place in enumerate(ContactPlace)
+        }
+    for name, (colour, heads, starts, vectors) in arrows.items():
+        _draw_arrow(scene[name], colour, heads=heads)
+        _animate_arrow(animation, scene[name], times, starts, vectors)
     window.send(SetAnimation(animation, play=True, repetitions=1))
     return window
 
 
 def _set_stage(scene: meshcat.Visualizer) -> None:
-    scene["/Grid"].set_property("visible", False)
-    scene["/Axes"].set_property("visible", False)
-    scene["/Background"].set_property("top_color", [0.98, 0.985, 0.99])
-    scene["/Background"].set_property("bottom_color", [0.77, 0.80, 0.84])
-    scene["/Lights/AmbientLight/" + OBJECT].set_property("intensity", 0.62)
-    scene["/Lights/FillLight/" + OBJECT].set_property("intensity", 0.25)
     # The camera orbits the origin of this path. Below the path, y points upwards.
     scene["/Cameras/default"].set_transform(_transform(TARGET))
-    camera = scene["/Cameras/default/rotated/" + OBJECT]
-    offset = CAMERA - TARGET
-    camera.set_property("near", 0.001)  # the viewer's default of 10 mm would cut off parts of a zoomed scene
-    camera.set_property("far", 10.0)
-    camera.set_property("fov", FIELD_OF_VIEW)
-    camera.set_property("position", [float(offset[0]), float(offset[2]), float(-offset[1])])
+    x, y, z = (CAMERA - TARGET).tolist()
+    camera = "/Cameras/default/rotated/" + OBJECT
+    for path, name, value in (
+        ("/Grid", "visible", False),
+        ("/Axes", "visible", False),
+        ("/Background", "top_color", [0.98, 0.985, 0.99]),
+        ("/Background", "bottom_color", [0.77, 0.80, 0.84]),
+        ("/Lights/AmbientLight/" + OBJECT, "intensity", 0.62),
+        ("/Lights/FillLight/" + OBJECT, "intensity", 0.25),
+        (camera, "near", 0.001),  # the viewer's default of 10 mm would cut off parts of a zoomed scene
+        (camera, "far", 10.0),
+        (camera, "fov", FIELD_OF_VIEW),
+        (camera, "position", [x, z, -y]),
+    ):
+        scene[path].set_property(name, value)
 
 
 def _draw_block(node: meshcat.Visualizer, size: PegHoleGeometry) -> None:
-    block = make_block(size)
+    assembly = Assembly.of(size)
+    block = assembly.block_mesh(size.facets, block_radius=size.block_radius, floor=size.floor)  # open to the camera
     material = shapes.MeshPhongMaterial(color=BLOCK_COLOUR, shininess=12, flatShading=True, side=2)
     node["body"].set_object(shapes.TriangularMeshGeometry(block.vertices, block.triangles), material)
 
-    assembly = Assembly.of(size)
     for i, (axis, mates) in enumerate(assembly.axes()):
         wall = mates[0].hole.polyline(size.facets)
         around = assembly.sleeve_radius(mates, size.block_radius) * wall / np.hypot(wall[:, 0], wall[:, 1])[:, None]

@@ -20,9 +20,14 @@ if TYPE_CHECKING:
     from skill.states.phase_agreement import PhaseAgreement
 
 
-def plain_table(title: str) -> Table:
-    """An empty table in the style of all tables here."""
-    return Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0))
+def plain_table(title: str, *, text: str | None = None, numbers: Sequence[str] = ()) -> Table:
+    """An empty table in the style of all tables here: a column of texts if it is named, and columns of numbers."""
+    table = Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0))
+    if text is not None:
+        table.add_column(text, overflow="fold")
+    for name in numbers:
+        table.add_column(name, justify="right", min_width=max(map(len, name.split("\n"))))
+    return table
 
 
 def result_table(results: Sequence[TrialResult]) -> Table:
@@ -67,9 +72,8 @@ def result_summary(results: Sequence[TrialResult]) -> list[str]:
 
 def query_state_table(query_states: Sequence[QueryState]) -> Table:
     """One row per query state in which a skill was stuck."""
-    table = plain_table("query states in which the skill got stuck")
-    for name in ("practice\ntrial", "time\n(s)", "depth\n(mm)", "tilt\n(deg)", "load\n(N)"):
-        table.add_column(name, justify="right")
+    columns = ("practice\ntrial", "time\n(s)", "depth\n(mm)", "tilt\n(deg)", "load\n(N)")
+    table = plain_table("query states in which the skill got stuck", numbers=columns)
     table.add_column("state")
     for s in query_states:
         numbers = (f"{s.time:.2f}", f"{1e3 * s.depth:.1f}", f"{np.degrees(np.hypot(*s.tilt)):.1f}", f"{s.load:.0f}")
@@ -79,10 +83,7 @@ def query_state_table(query_states: Sequence[QueryState]) -> Table:
 
 def state_table(skill: ManipulationSkill) -> Table:
     """The graph of contact states, one row per state."""
-    table = plain_table("contact states")
-    table.add_column("state", overflow="fold")
-    for column in ("visits", "dwell", "phase", "next"):
-        table.add_column(column, justify="right", min_width=len(column))
+    table = plain_table("contact states", text="state", numbers=("visits", "dwell", "phase", "next"))
     rows = skill.graph_.to_frame().itertuples(index=False)
     for k, (name, row) in enumerate(zip(skill.state_names(), rows, strict=True)):
         visits, dwell, _, phase, _, following = row
@@ -97,12 +98,10 @@ def state_table(skill: ManipulationSkill) -> Table:
 
 def discovered_table(states: Sequence[StateSummary]) -> Table:
     """One row per state that was discovered in recordings."""
-    table = plain_table("contact states")
-    table.add_column("state", overflow="fold")
     names = {FORCE: ("force\n(N)", ".1f"), MOMENT: ("moment\n(N m)", ".2f")}
     lengths = [name for name in names if name in states[0].quantities]
-    for column in ("time\n(%)", "visits", "duration\n(s)", *(names[name][0] for name in lengths), "next"):
-        table.add_column(column, justify="right")
+    columns = ("time\n(%)", "visits", "duration\n(s)", *(names[name][0] for name in lengths), "next")
+    table = plain_table("contact states", text="state", numbers=columns)
     for k, state in enumerate(states):
         table.add_row(
             Text(f"{k} {state.name}"),
@@ -110,11 +109,9 @@ def discovered_table(states: Sequence[StateSummary]) -> Table:
             *(_median(state.quantities[name], names[name][1]) for name in lengths),
             ", ".join(following_texts(state, 2)) or "-",
         )
-    vectors = [name.strip("|") for name in lengths]
-    medians = f"{', '.join(['duration', *vectors])}: {'medians' if vectors else 'median'}"
     table.caption = (
-        f"visits: in a recording, on average; {medians}, of a visit"
-        f"{' and of the lengths of the vectors' if vectors else ''}; next: what follows a visit most often"
+        "visits: in a recording, on average; duration of a visit, and lengths of the vectors of force and moment:"
+        " medians; next: what follows a visit most often"
     )
     return table
 
@@ -130,11 +127,8 @@ def _median(spread: Spread, form: str) -> str:
 
 def phase_table(agreement: PhaseAgreement) -> Table:
     """One row per known phase: how its samples are distributed over the states."""
-    table = plain_table("known phases and contact states")
-    table.add_column("phase", overflow="fold")
-    for k in range(agreement.counts.shape[1]):
-        table.add_column(f"state {k}\n(%)", justify="right")
-    table.add_column("samples", justify="right")
+    columns = [*(f"state {k}\n(%)" for k in range(agreement.counts.shape[1])), "samples"]
+    table = plain_table("known phases and contact states", text="phase", numbers=columns)
     for name, counts in zip(agreement.phases, agreement.counts, strict=True):
         shares = (f"{100 * count / counts.sum():.0f}" for count in counts)
         table.add_row(Text(name), *shares, str(counts.sum()))
@@ -147,10 +141,8 @@ def scoreboard_table(scores: Scores, reference: str) -> Table:
     from experiments.scoreboard.columns import COLUMNS
 
     columns = [column for column in COLUMNS if column.is_main]
-    found = plain_table(scores.cell.title)
-    found.add_column("policy", overflow="fold")
-    for column in columns:
-        found.add_column(f"{column.name}\n({column.unit})", justify="right")
+    headings = [f"{column.name}\n({column.unit})" for column in columns]
+    found = plain_table(scores.cell.title, text="policy", numbers=headings)
     for row in scores.rows:
         name = f"{row.summary.policy} (reference)" if row.summary.policy == reference else row.summary.policy
         cells = [f"{row.text(column)}\n{row.note(column)}".strip() for column in columns]

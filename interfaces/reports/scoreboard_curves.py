@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,7 +25,7 @@ MIN_VALUES = 3
 LOGARITHMIC = 25.0
 """Ratio of the largest to the smallest value from which the axis of a factor is logarithmic."""
 
-PANEL_SIZE = (3.9, 2.5)  # in units of inches
+FIGURE_SIZE = (11.7, 3.3)  # in units of inches
 LEAST_GAP = 0.09  # between the labels of two values, over the width of the axis
 DODGE = 2.0  # sideways distance of the intervals of neighbouring policies, in units of points
 INK, FAINT, LINE = "#1d2329", "#56616b", "#d3dae0"
@@ -74,19 +75,14 @@ class Curve:
     quantities: tuple[Quantity, ...] = QUANTITIES
 
 
-@dataclass(frozen=True)
-class Style:
-    """How a policy is drawn."""
-
-    colour: str
-    dash: str
-    marker: str
-
-
-def styles_of(policies: Sequence[str]) -> dict[str, Style]:
-    """Returns a style for each policy; the styles of the first 28 differ without colour."""
+def styles_of(policies: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Returns how the line of each policy is drawn, for Matplotlib; the first 28 differ without colour."""
     return {
-        policy: Style(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)], MARKERS[k % len(MARKERS)])
+        policy: {
+            "color": COLOURS[k % len(COLOURS)],
+            "linestyle": DASHES[k % len(DASHES)],
+            "marker": MARKERS[k % len(MARKERS)],
+        }
         for k, policy in enumerate(policies)
     }
 
@@ -102,8 +98,14 @@ def curves_of(board: Scoreboard) -> list[Curve]:
                 key = (table.cell.trial_set, table.cell.engine, json.dumps(others, sort_keys=True))
                 groups.setdefault(key, []).append(table)
         for key, tables in groups.items():
-            if len(tables) >= MIN_VALUES:
-                found.append(_curve(factor, Cell(*key).title, tables))
+            if len(tables) < MIN_VALUES:
+                continue
+            tables.sort(key=lambda table: float(table.cell.values[factor]))
+            rows = [{row.summary.policy: row.summary for row in table.rows} for table in tables]
+            policies = sorted({policy for row in rows for policy in row})
+            values = [float(table.cell.values[factor]) for table in tables]
+            summaries = {policy: [row.get(policy) for row in rows] for policy in policies}
+            found.append(Curve(factor, Cell(*key).title, values, summaries))
     return found
 
 
@@ -122,22 +124,9 @@ def limit_curves(board: Scoreboard) -> list[Curve]:
     ]
 
 
-def _curve(factor: str, title: str, tables: Sequence[Table]) -> Curve:
-    ordered = sorted(tables, key=lambda table: float(table.cell.values[factor]))
-    rows = [{row.summary.policy: row.summary for row in table.rows} for table in ordered]
-    policies = sorted({policy for found in rows for policy in found})
-    return Curve(
-        factor,
-        title,
-        [float(table.cell.values[factor]) for table in ordered],
-        {policy: [found.get(policy) for found in rows] for policy in policies},
-    )
-
-
-def curve_figure(curve: Curve, styles: dict[str, Style]) -> Figure:
+def curve_figure(curve: Curve, styles: dict[str, dict[str, Any]]) -> Figure:
     """Returns one figure with all panels side by side, a heading and a key."""
-    width, height = PANEL_SIZE
-    figure = Figure(figsize=(width * len(curve.quantities), height + 0.8), layout="constrained")
+    figure = Figure(figsize=FIGURE_SIZE, layout="constrained")
     panels = figure.subplots(1, len(curve.quantities), squeeze=False)[0]
     for axes, quantity in zip(panels, curve.quantities, strict=True):
         _draw(axes, curve, quantity, styles)
@@ -147,19 +136,16 @@ def curve_figure(curve: Curve, styles: dict[str, Style]) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, curve: Curve, quantity: Quantity, styles: dict[str, Style]) -> None:
+def _draw(axes: Axes, curve: Curve, quantity: Quantity, styles: dict[str, dict[str, Any]]) -> None:
     """Draws one quantity over the factor."""
     for number, (policy, summaries) in enumerate(curve.summaries.items()):
-        style = styles[policy]
         shift = DODGE * (number - 0.5 * (len(curve.summaries) - 1)) if quantity.has_interval else 0.0
         place = axes.transData + ScaledTranslation(shift / 72.0, 0.0, axes.figure.dpi_scale_trans)
         values = np.array([math.nan if s is None else quantity.value(s) for s in summaries])
         axes.plot(
             curve.values,
             values,
-            color=style.colour,
-            linestyle=style.dash,
-            marker=style.marker,
+            **styles[policy],
             markerfacecolor="white",
             markersize=5,
             linewidth=1.4,
@@ -172,7 +158,7 @@ def _draw(axes: Axes, curve: Curve, quantity: Quantity, styles: dict[str, Style]
                 [math.nan if s is None or s.interval is None else 100 * s.interval[end] for s in summaries]
                 for end in (0, 1)
             )
-            axes.vlines(curve.values, low, high, color=style.colour, linewidth=1.0, transform=place)
+            axes.vlines(curve.values, low, high, color=styles[policy]["color"], linewidth=1.0, transform=place)
     axes.autoscale_view()
     axes.set_title(quantity.title, loc="left", fontsize=9, color=INK)
     axes.set_xlabel(factor_name(curve.factor), fontsize=9, color=FAINT, parse_math=False)

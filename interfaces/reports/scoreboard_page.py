@@ -31,6 +31,7 @@ def scoreboard_page(board: Scoreboard, out: Path) -> str:
     styles = styles_of(sorted({row.summary.policy for table in board.tables for row in table.rows}))
     return fill_page(
         "scoreboard",
+        assets=("page", "scoreboard"),
         title=html.escape(board_title(board)),
         about=html.escape(about(board)),
         warnings="".join(f'<p class="warning">{html.escape(text)}</p>' for text in warnings(board)),

@@ -96,6 +96,7 @@ def states_page(report: StatesReport) -> str:
     panels = [_panel(group, report.labelled) for group in channel_groups(channels)]
     return fill_page(
         "states",
+        assets=("page", "states"),
         title=html.escape(report.title),
         about=html.escape(report.about),
         method=html.escape(report.method),
@@ -103,7 +104,7 @@ def states_page(report: StatesReport) -> str:
         table=_state_table(report, chips),
         phases=_phase_table(report.agreement, chips),
         thinned=f" The page contains every {stride}th sample." if stride > 1 else "",
-        hidden="".join(
+        style="".join(
             f"body:has(#show-{k}:not(:checked)) .channel-{k} {{ display: none }}\n" for k in range(len(channels))
         ),
         channels="".join(_switches(panel) for panel in panels),

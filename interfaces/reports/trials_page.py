@@ -69,7 +69,7 @@ def trials_page(
     )
     return fill_page(
         "trials",
-        assets="scoreboard",
+        assets=("page", "scoreboard"),
         title=html.escape(title),
         about=_about(results, records),
         table=shown.to_html(index=False, escape=False, border=0),

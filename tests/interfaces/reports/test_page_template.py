@@ -7,17 +7,15 @@ import interfaces
 from interfaces.reports.page_template import fill_page, script_value
 
 
-def test_missing_value_is_an_error():
-    with pytest.raises(KeyError, match="title"):
-        fill_page("states", hidden="")
-
-
-def test_page_contains_its_style_and_its_script():
-    names = ("title", "about", "table", "made_by", "scenario")
-    page = fill_page("trials", assets="scoreboard", **dict.fromkeys(names, "$x"))
+def test_page_contains_its_template_styles_and_script_and_what_comes_before_them():
+    values = dict.fromkeys(("about", "table", "made_by", "scenario"), "$x")
+    page = fill_page("trials", title="$t", assets=("page", "scoreboard"), style="<a>", script="<b>", **values)
     folder = Path(interfaces.__path__[0]) / "reports"
-    for asset in ("page.css", "scoreboard.css", "scoreboard.js"):
-        assert (folder / asset).read_text() in page
+    styles = "".join((folder / name).read_text() for name in ("page.css", "scoreboard.css"))
+    assert f"<style>\n<a>{styles}</style>" in page
+    assert f"<script>\n<b>{(folder / 'scoreboard.js').read_text()}</script>" in page
+    assert "<title>$t</title>" in page
+    assert '<h1>$t</h1><p class="about">$x</p>' in page
 
 
 @pytest.mark.parametrize("text", ["</script>", "<!--<script>", "\u2028 & \" ' \\ $x", "<\\u003c"])

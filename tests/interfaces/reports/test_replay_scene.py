@@ -11,7 +11,7 @@ import umsgpack
 from scipy.spatial.transform import Rotation
 
 from interfaces.reports.motion import Motion
-from interfaces.reports.replay_scene import PageWindow, arrow_scale, draw_scene, viewer_source
+from interfaces.reports.replay_scene import PageWindow, arrow_scale, draw_scene
 from skill.data.geometry import PegHoleGeometry
 
 MM = 1e-3
@@ -117,8 +117,6 @@ def test_camera_is_above_the_open_side_of_the_block_and_looks_at_the_mouth():
     scene = decoded()
     camera = "/Cameras/default/rotated/<object>"
     np.testing.assert_allclose(scene.transforms["/Cameras/default"][:3, 3], [0, 0, 0.004])
-    np.testing.assert_array_equal(scene.transforms["/Cameras/default"][:3, :3], np.eye(3))
-    np.testing.assert_array_equal(scene.transforms["/Cameras/default"][3], [0, 0, 0, 1])
     np.testing.assert_allclose(scene.properties[camera, "position"], [0.124, 0.066, -0.110])
     assert scene.properties[camera, "fov"] == 42  # degrees: a 60 mm block 180 mm away spans 19 degrees
     assert (scene.properties[camera, "near"], scene.properties[camera, "far"]) == (0.001, 10)
@@ -136,7 +134,6 @@ def test_edges_of_the_block_are_arcs_of_the_kept_facets():
     for k, (radius, z) in enumerate(rings):
         expected = in_mm(np.column_stack([radius * arc, np.full(5, z)]))
         np.testing.assert_allclose(scene.points(f"hole/edge0_{k}"), expected, atol=1e-8)
-    assert "hole/edge0_5" not in scene.objects
 
 
 def test_section_of_the_block_is_outlined_in_the_plane_of_the_cut():
@@ -165,11 +162,7 @@ def test_peg_is_a_prism_that_stands_on_its_tip_with_a_ring_every_5_mm():
         np.testing.assert_allclose(points[:, 2], z, atol=1e-9)
         radius = np.linalg.norm(points[:, :2], axis=1)
         assert np.all((radius > 0.010 + 1e-6) & (radius < 0.010 + 1e-5))  # just outside, so that the peg hides none
-        # 96 chords of 3.75 degrees close the circle, which starts on the axis x.
-        chords = np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1)
-        np.testing.assert_allclose(chords, 2 * 0.010 * np.sin(np.radians(3.75 / 2)), rtol=1e-3)
-        assert len(chords) == 96
-        np.testing.assert_allclose(points[[0, -1], :2] / radius[0], [[1, 0], [1, 0]], atol=1e-6)
+        assert len(points) == 97  # closed
     assert "peg/mark0_3" not in scene.objects
 
 
@@ -305,29 +298,13 @@ def test_colour_of_the_peg_changes_within_0_1_ms(phase, times, shown):
         np.testing.assert_allclose(found, share * colours[shown])
 
 
-def test_viewer_is_the_script_of_meshcat():
-    assert "MeshCat" in viewer_source()
-    assert len(viewer_source()) > 100_000
-
-
-def test_each_place_of_contact_has_an_arrow_along_its_force():
-    """At the mouth 2 N towards -x, then 4 N; at the tip 3 N along z; nothing on a face. The largest is the 6 N."""
+def test_each_place_of_contact_has_an_arrow_along_its_force_at_a_scale_that_holds_the_largest():
+    """At the mouth 2 N towards -x, then 60 N; at the tip 3 N along z; nothing on a face."""
     points, forces = np.zeros((4, 3, 3)), np.zeros((4, 3, 3))
-    points[:, 0] = [10 * MM, 0, 0]
-    points[:, 1] = [0, 5 * MM, -8 * MM]
-    forces[1:3, 0] = [[-2, 0, 0], [-4, 0, 0]]
+    points[:, :2] = [[10 * MM, 0, 0], [0, 5 * MM, -8 * MM]]
+    forces[1:3, 0] = [[-2, 0, 0], [-60, 0, 0]]
     forces[2:, 1] = [0, 0, 3]
-    motion = make_motion(contact_points=points, contact_forces=forces)
-    scene, scale = decoded(motion), arrow_scale(motion).force
-    for k, place in enumerate(("mouth", "tip")):
+    scene = decoded(make_motion(contact_points=points, contact_forces=forces))
+    for k, place in enumerate(("mouth", "tip", "face")):
         np.testing.assert_allclose(scene.values(f"contact_{place}", "position"), points[:, k], atol=1e-12)
-        drawn, expected = drawn_arrows(scene, f"contact_{place}"), forces[:, k] / scale
-        np.testing.assert_allclose(drawn, expected, atol=1e-6)
-    np.testing.assert_allclose(drawn_arrows(scene, "contact_face"), 0.0, atol=1e-6)
-
-
-def test_the_scale_holds_the_largest_single_contact():
-    forces = np.zeros((4, 3, 3))
-    forces[2, 1] = [0, 60, 0]
-    assert arrow_scale(make_motion()).force == 200
-    assert arrow_scale(make_motion(contact_points=forces, contact_forces=forces)).force == 2000
+        np.testing.assert_allclose(drawn_arrows(scene, f"contact_{place}"), forces[:, k] / 2000, atol=1e-6)

@@ -4,7 +4,6 @@ import html
 import re
 from urllib.parse import unquote
 
-import numpy as np
 import pytest
 
 from experiments.scoreboard.columns import COLUMNS
@@ -108,11 +107,8 @@ def test_every_policy_links_its_files_and_has_its_commands(results):
 
 
 def test_a_single_file_is_linked_itself(tmp_path):
-    write_sweep(tmp_path)
     write_trials(tmp_path, [{}])
     assert '/engine%3Ddrake/0000.parquet"' in page_of(tmp_path)
-    write_trials(tmp_path, [{"trial": 7}], block="0001")
-    assert '/engine%3Ddrake/"' in page_of(tmp_path)
 
 
 def test_text_that_looks_like_html_is_shown_as_text(tmp_path):
@@ -128,30 +124,29 @@ def test_text_that_looks_like_html_is_shown_as_text(tmp_path):
 
 SHOWN = """return [...document.querySelectorAll('thead button')].find(
     b => b.firstChild.textContent === arguments[0]).checkVisibility()"""
-ROWS = "[...document.querySelectorAll('table')[arguments[0]].tBodies[0].rows]"
+ROWS = "[...document.querySelector('table').tBodies[0].rows]"
 
 
-def column_of(page, name, table=0):
+def column_of(page, name):
     place = 1 + [column.name for column in COLUMNS].index(name)
-    return page.run(f"return {ROWS}.map(row => row.cells[arguments[1]].dataset.key)", table, place)
+    return page.run(f"return {ROWS}.map(row => row.cells[arguments[0]].dataset.key)", place)
 
 
-def names_of(page, table=0):
-    return page.run(f"return {ROWS}.map(row => row.cells[0].querySelector('a').textContent)", table)
+def names_of(page):
+    return page.run(f"return {ROWS}.map(row => row.cells[0].querySelector('a').textContent)")
 
 
-def click(page, name, table=0):
-    script = """
-        const headings = document.querySelectorAll('table')[arguments[0]].querySelectorAll('thead button');
-        [...headings].find(b => b.firstChild.textContent === arguments[1]).click();"""
-    page.run(script, table, name)
+def click(page, name):
+    page.run(
+        "[...document.querySelectorAll('thead button')].find(b => b.firstChild.textContent === arguments[0]).click()",
+        name,
+    )
 
 
 @pytest.mark.browser
 @pytest.mark.slow
 def test_the_page_opens_sorts_and_fits(results):
     with open_page(results[1], size=(1280, 720)) as page:
-        assert page.run("return document.querySelectorAll('table').length") == 5
         assert page.run("return document.documentElement.scrollWidth <= innerWidth")
         assert names_of(page) == [LEARNT, OTHER, LAW]
         click(page, "inserted")
@@ -164,40 +159,13 @@ def test_the_page_opens_sorts_and_fits(results):
         assert not page.run(SHOWN, "training")
         page.run("document.getElementById('all').click()")
         assert page.run(SHOWN, "training")
-        click(page, "training")
-        assert column_of(page, "training")[-1] == ""  # a policy without training stays last
-        click(page, "training")
-        assert column_of(page, "training")[-1] == ""
+        for _ in range(2):
+            click(page, "training")
+            assert column_of(page, "training")[-1] == ""  # a policy without training stays last
         click(page, "policy")
         assert names_of(page) == sorted([LEARNT, OTHER, LAW], key=str.lower)
-        assert column_of(page, "inserted", table=1) == sorted(column_of(page, "inserted", table=1), reverse=True)
         assert blankness(page.screenshot()).colours > 20
-        assert page.errors() == []
-        assert page.requests() == []
-
-
-@pytest.mark.browser
-@pytest.mark.nightly
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_is_legible_in_both_schemes_and_on_narrow_screens(results, scheme):
-    with open_page(results[1], size=(500, 800)) as page:
-        emulated = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
-        page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", emulated)
-        assert page.run("return document.documentElement.scrollWidth <= innerWidth")
-        script = "return arguments[0].map(name => getComputedStyle(document.querySelector(name))[arguments[1]])"
-        inks = page.run(script, ["body", "td", "td small", ".about", ".warning", "nav a", "summary"], "color")
-        papers = page.run(script, ["body", ".scroll"], "backgroundColor")
-        assert min(contrast(ink, paper) for ink in inks for paper in papers) > 4.5
-
-
-def contrast(one, other):
-    """Contrast of two colours "rgb(r, g, b)" (WCAG 2.1)."""
-    levels = []
-    for colour in (one, other):
-        channels = np.array([int(part) for part in re.findall(r"\d+", colour)[:3]]) / 255
-        linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
-        levels.append(float(linear @ [0.2126, 0.7152, 0.0722]) + 0.05)
-    return max(levels) / min(levels)
+        assert page.errors() == page.requests() == []
 
 
 @pytest.mark.parametrize(("sets", "few"), [(2, True), (5, True), (6, False), (9, False)])

@@ -130,22 +130,13 @@ def test_colours_repeat_if_there_are_more_states():
 # ------------------------------------------------------------ in the browser
 
 
-@pytest.fixture
-def page_file(tmp_path):
-    path = tmp_path / "states.html"
-    items = example(number=12, samples=600)
-    rng = np.random.default_rng(0)
-    for item in items:
-        item.recording.values[:] += rng.normal(scale=[0.5] * 3 + [0.02] * 3, size=item.recording.values.shape)
-    items[0].recording.values[3] = [1.5, -2.5, -8.0, 0.01, -0.02, 0.0]
-    path.write_text(states_page(report_of(items)))
-    return path
-
-
 @pytest.mark.browser
 @pytest.mark.slow
-def test_the_page_draws_the_series_and_reads_values_at_the_cursor(page_file):
-    with open_page(page_file, size=(1280, 900)) as page:
+def test_the_page_draws_the_series_and_reads_values_at_the_cursor(tmp_path):
+    path, items = tmp_path / "states.html", example(samples=600)
+    items[0].recording.values[3] = [1.5, -2.5, -8.0, 0.01, -0.02, 0.0]
+    path.write_text(states_page(report_of(items)))
+    with open_page(path, size=(1280, 900)) as page:
         plot = page.driver.find_element("css selector", ".plot")
         page.run("arguments[0].scrollIntoView()", plot)
         assert blankness(page.screenshot()).colours > 20
@@ -156,29 +147,28 @@ def test_the_page_draws_the_series_and_reads_values_at_the_cursor(page_file):
         ActionChains(page.driver).move_to_element(plot).perform()
         assert float(reading().split()[0]) == pytest.approx(29.95, abs=0.11)  # the middle
         plot.click()
-        shifted = Keys.SHIFT + Keys.ARROW_LEFT
-        keys = [
-            (shifted, 20.0),
+        for key, expected in [
+            (Keys.SHIFT + Keys.ARROW_LEFT, 20.0),
             (Keys.ARROW_LEFT, 19.9),
             (Keys.SHIFT + Keys.ARROW_RIGHT, 20.0),
             (Keys.ARROW_RIGHT, 20.1),
-        ]
-        for key, expected in [*keys, (Keys.END, 59.9), (Keys.ARROW_RIGHT, 59.9), (Keys.HOME, 0.0)]:
+            (Keys.END, 59.9),
+            (Keys.ARROW_RIGHT, 59.9),
+            (Keys.HOME, 0.0),
+        ]:
             plot.send_keys(key)
             assert reading().startswith(f"{expected:.2f} s | state {int(expected >= 20) + int(expected >= 40)}"), key
-        for _ in range(3):
-            plot.send_keys(Keys.ARROW_RIGHT)
+        plot.send_keys(3 * Keys.ARROW_RIGHT)
         assert reading() == (
             "0.30 s | state 0: free (88 %) | phase reach <i> | fx 1.5  fy -2.5  fz -8.0 N |"
             " mx 0.010  my -0.020  mz 0.000 N m"
         )
         assert page.run("return arguments[0].getAttribute('aria-valuenow')", plot) == "0.3"
-        place = page.run("return document.querySelector('.cursor').style.left")
-        assert float(place.rstrip("%")) == pytest.approx(100 * 0.3 / 59.9, abs=0.01)
+        place = page.run("return parseFloat(document.querySelector('.cursor').style.left)")
+        assert place == pytest.approx(100 * 0.3 / 59.9, abs=0.01)
         shown = "return getComputedStyle(document.querySelector('path.channel-2')).display"
         assert page.run(shown) != "none"
         page.run("document.getElementById('show-2').click()")
         assert page.run(shown) == "none"
         assert page.run("return document.querySelector('h3').innerText").startswith(SLY)
-        assert page.errors() == []
-        assert page.requests() == []
+        assert page.errors() == page.requests() == []

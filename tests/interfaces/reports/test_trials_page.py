@@ -2,14 +2,11 @@ import re
 from dataclasses import replace
 from functools import partial
 
-import pytest
-
 from experiments.outputs.output_set import RUNS, SetIndex, open_set
 from interfaces.reports.trials_page import trials_page
 from scripts.rig import write_report
 from skill.data.outcome import Outcome
 from skill.data.rig_run import write_rig_run
-from tests.browser import blankness, open_page
 from tests.trajectories import make_rig_run
 from tests.trial_results import PLAIN
 
@@ -58,24 +55,11 @@ def test_text_of_users_is_shown_as_text():
     assert ">a: &lt;b&gt; $title</pre>" in page
 
 
-@pytest.mark.browser
-@pytest.mark.slow
-def test_report_opens_from_disk_sorts_its_table_and_links_the_replays(tmp_path):
+def test_a_report_links_the_replays_beside_it(tmp_path):
     index = SetIndex(RUNS, {}, tuple(f"run_{r.seed:04d}.parquet" for r in RESULTS), ("report.html",))
     with open_set(tmp_path, index, overwrite=False) as runs:
         for name in index.files:
             runs.write(name, partial(write_rig_run, make_rig_run()))
         write_report(runs, RESULTS, made_by={}, scenario="seed: 0")
-    with open_page(tmp_path / "report.html", size=(1366, 768)) as page:
-        page.wait("document.readyState === 'complete'")
-        times = []
-        for _ in range(2):
-            page.run("document.querySelectorAll('th button')[3].click()")
-            times.append(page.run("return [...document.querySelector('tbody').rows].map(r => +r.cells[3].innerText)"))
-        assert times == [[2.0, 2.25, 2.5, 2.75, 10.0], [10.0, 2.75, 2.5, 2.25, 2.0]]
-        assert page.run("return document.documentElement.scrollWidth <= innerWidth")
-        assert blankness(page.screenshot()).drawn > 0.03
-        link = page.run("return document.querySelector('tbody a').getAttribute('href')")
-        assert page.errors() == page.requests() == []
-    assert link == "replay_0004.html"
-    assert "<title>trial 4</title>" in (tmp_path / link).read_text()[:500]
+    assert cells_of((tmp_path / "report.html").read_text())[0][0] == '<a href="replay_0004.html">4</a>'
+    assert "<title>trial 4</title>" in (tmp_path / "replay_0004.html").read_text()[:500]
