@@ -64,7 +64,7 @@ class Inverse3:
         self._unread = 0  # answers that are on their way
         self._is_closed = False
         try:
-            _check_version(_version(host, int(port)))
+            _check_version(host, int(port))
             self._client: Any = create_connection(
                 f"ws://{self._address}/",
                 timeout=ANSWER_TIME,
@@ -177,11 +177,11 @@ class Inverse3:
         return (grips[0][0], str(grips[0][1]["device_id"])) if grips else None
 
     def _entry(self, message: dict[str, Any], kind: str, device_id: str) -> dict[str, Any]:
-        entry: dict[str, Any]
-        for entry in message.get(kind, []):
-            if entry["device_id"] == device_id and (kind == "inverse3" or _is_awake(entry)):
-                return entry
-        raise self._lost(f"{kind} {device_id} is disconnected")
+        found = [entry for entry in message.get(kind, []) if entry["device_id"] == device_id]
+        if not found or not (kind == "inverse3" or _is_awake(found[0])):
+            raise self._lost(f"{kind} {device_id} is disconnected")
+        entry: dict[str, Any] = found[0]
+        return entry
 
     def _require_ready(self, device: dict[str, Any]) -> None:
         status = device.get("status", {})
@@ -204,25 +204,18 @@ class Inverse3:
         return OSError(f"Haply Inverse Service at {self._address}: {reason}{f'; {remedy}' if remedy else ''}")
 
 
-def _version(host: str, port: int) -> str:
-    """Returns the version that the service says it has, such as 3.5.0.0."""
+def _check_version(host: str, port: int) -> None:
+    """Refuses a service that does not say that it has a version, such as 3.5.0.0, which is understood."""
     connection = http.client.HTTPConnection(host, port, timeout=ANSWER_TIME)
     try:
         connection.request("GET", "/version")
         answer = json.loads(connection.getresponse().read(1 << 16))
-        return str(answer.get("data", answer)["project_version"])  # the page shows both forms
+        version = answer.get("data", answer)["project_version"]  # the page shows both forms
+        major, minor, *_ = (int(part) for part in version.split("."))
     except (http.client.HTTPException, ValueError, KeyError, TypeError, AttributeError) as error:
         raise OSError(f"it does not tell its version ({type(error).__name__})") from error
     finally:
         connection.close()
-
-
-def _check_version(version: str) -> None:
-    """Refuses a version that is not understood."""
-    try:
-        major, minor, *_ = (int(part) for part in version.split("."))
-    except ValueError:
-        major, minor = 0, 0
     if not OLDEST <= (major, minor) < TOO_NEW:
         raise OSError(
             f"it has the version {brief(version)}, expected {_dotted(OLDEST)} or later, below {_dotted(TOO_NEW)}"

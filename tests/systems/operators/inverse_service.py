@@ -20,6 +20,10 @@ START = np.array([0.02, -0.12, 0.15])  # of the cursor, m
 STATUS = {"calibrated": True, "in_use": False, "power_supply": True, "ready": True, "started": True}
 
 
+DELAY = 2
+"""Messages after which a force acts."""
+
+
 def xyz(values):
     return dict(zip("xyz", map(float, values), strict=True))
 
@@ -29,12 +33,11 @@ class Service:
 
     Attributes:
         path: where the hand wants to be, (6,), for a time in s; it does not turn.
-        version: what `/version` answers; None answers 404.
-        handedness, type: of the device.
+        version: what `/version` answers.
+        type: of the device.
         devices, grips: numbers of the devices, and {number: kind of the grip}.
         status, awake: of the devices and the grips.
         turn: the orientation of the grips (w, x, y, z), for a time in s.
-        delay: messages after which a force acts.
         mangle: changes an answer, a dictionary; may return a text, or None for silence.
         clock: time in s; None counts the messages, a step of time each: a tick of the driver has two.
         sessions, forces: what clients have sent: sessions, and the force of each message, N.
@@ -43,10 +46,10 @@ class Service:
 
     def __init__(self, path=lambda t: np.zeros(6)):
         self.path = path
-        self.version, self.handedness, self.type = {"project_version": "3.5.1.0"}, "right", "inverse3"
+        self.version, self.type = {"project_version": "3.5.1.0"}, "inverse3"
         self.devices, self.grips = ["049D"], {}
         self.status, self.awake, self.turn = dict(STATUS), True, lambda t: (1.0, 0.0, 0.0, 0.0)
-        self.delay, self.mangle, self.clock, self.step = 2, lambda answer: answer, None, 5e-4
+        self.mangle, self.clock, self.step = lambda answer: answer, None, 5e-4
         self.sessions, self.forces, self.generated, self.clients = [], [], 0.0, set()
         self._given = 0.0
         self._late, self._hand, self._began = deque(), None, None
@@ -75,7 +78,7 @@ class Service:
             vector = device["commands"]["set_cursor_force"]["vector"]
             self._late.append(np.array([vector[axis] for axis in "xyz"]))
             self.forces.append(self._late[-1])
-        force = self._late.popleft() if len(self._late) > self.delay else np.zeros(3)
+        force = self._late.popleft() if len(self._late) > DELAY else np.zeros(3)
         self._hand.write_wrench(np.concatenate([np.zeros(3), force]))
         self._given += force @ (self.position() - before)
         self.generated = max(self.generated, self._given - self._hand.dissipated)
@@ -83,13 +86,12 @@ class Service:
 
     def message(self, *, full):
         """All devices, with their configuration or without."""
-        config = {"type": self.type, "handedness": self.handedness, "device_info": {"major_version": 7}}
+        config = {"type": self.type, "handedness": "left", "device_info": {"major_version": 7}}
         state = {"cursor_position": xyz(START + self.position()), "cursor_velocity": xyz(np.zeros(3))}
         arm = {"state": state, "status": self.status, **({"config": config} if full else {})}
         found = {"session_id": 7, "inverse3": [{"device_id": name, **arm} for name in self.devices]}
         for number, kind in self.grips.items():
-            buttons = {"button": False} if kind == "verse_grip" else {"buttons": {"a": False, "b": True, "c": False}}
-            state = {"orientation": dict(zip("wxyz", map(float, self.turn(self.time())), strict=True)), **buttons}
+            state = {"orientation": dict(zip("wxyz", map(float, self.turn(self.time())), strict=True))}
             grip = {"device_id": number, "state": state, "status": {"ready": True, "awake": self.awake}}
             found.setdefault(kind, []).append(grip)
         return found
@@ -125,10 +127,7 @@ class Version(RequestHandler):
         self.service = service
 
     def get(self):
-        if self.service.version is None:
-            self.send_error(404)
-        else:
-            self.finish(json.dumps(self.service.version))
+        self.finish(json.dumps(self.service.version))
 
 
 @contextmanager

@@ -1,7 +1,6 @@
 """The driver of the Inverse3, against a stand-in for the maker's service."""
 
 import math
-import re
 import threading
 
 import numpy as np
@@ -18,7 +17,7 @@ from systems.servo.served_environment import MakeServedEnvironment
 from systems.servo.servo_diagram import MakeServo
 from systems.virtual_environment import start_pose
 from tests.lockstep import lockstep
-from tests.systems.operators.inverse_service import Service, Socket, served, wait_until
+from tests.systems.operators.inverse_service import Service, served, wait_until
 
 RIGHT, AWAY, UP = np.eye(3)
 PEAK = DEVICE_PRESETS["inverse3"].peak_force
@@ -42,22 +41,10 @@ def wrench(force, torque=(0.0, 0.0, 0.0)):
     return np.concatenate([R_HV @ np.asarray(torque), R_HV @ np.asarray(force)])
 
 
-def forever(action):
-    """Does something until it raises."""
-    for _ in range(2000):
-        action()
-
-
-def moved_to(place):
-    """A path that is at a place from its second moment on."""
-    return lambda t: np.concatenate([place if t > 0.0 else np.zeros(3), np.zeros(3)])
-
-
-@pytest.mark.parametrize("handedness", ["left", "right"])
 @pytest.mark.parametrize("direction", [RIGHT, AWAY, UP], ids=["right", "away", "up"])
-def test_the_handle_moves_as_the_person_sees_it_whatever_arm_the_device_has(service, handedness, direction):
-    service.handedness, service.path = handedness, moved_to(0.003 * direction)
-    service.step = 0.02
+def test_the_handle_moves_as_the_person_sees_it(service, direction):
+    place = np.array([*(0.003 * direction), 0.0, 0.0, 0.0])
+    service.path, service.step = lambda t: place * (t > 0.0), 0.02
     device = Inverse3()
     for _ in range(60):
         X = device.read_pose()
@@ -79,10 +66,9 @@ def test_the_force_has_the_directions_of_the_motion_up_to_its_peak_and_the_torqu
     np.testing.assert_allclose(service.forces[-1], min(size, PEAK) * direction, rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.parametrize("number", [math.nan, math.inf])
-def test_a_force_that_is_no_number_is_not_sent(service, device, number):
+def test_a_force_that_is_no_number_is_not_sent(service, device):
     with pytest.raises(OSError, match="the rendered force is"):
-        device.write_wrench(wrench([1.0, 0.0, number]))
+        device.write_wrench(wrench([1.0, 0.0, math.nan]))
     device.close()
     assert np.isfinite(service.forces).all()
 
@@ -131,7 +117,7 @@ def test_each_tick_reads_the_newest_state_and_sends_the_force_that_belongs_to_it
     assert len(service.forces) == 11  # with the first reading
 
 
-@pytest.mark.parametrize("version", ["3.5.0.0", "3.5.1", "3.12.1.0"])
+@pytest.mark.parametrize("version", ["3.5.0.0", "3.12.1.0"])
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_a_version_of_the_protocol_is_understood(service, version, wrapped):
     answer = {"project_version": version}
@@ -139,19 +125,21 @@ def test_a_version_of_the_protocol_is_understood(service, version, wrapped):
     Inverse3().close()
 
 
-@pytest.mark.parametrize("version", ["3.4.8.0", "3.0.5.0", "2.1", "4.0.0.0", "10.5", "new", ""])
-def test_another_version_is_refused_with_what_was_found_and_expected(service, version):
-    service.version = {"project_version": version}
-    with pytest.raises(OSError, match=re.escape(f"it has the version '{version}', expected 3.5 or later, below 4.0")):
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        ({"project_version": "3.4.8.0"}, "it has the version '3.4.8.0', expected 3.5 or later, below 4.0"),
+        ({"project_version": "4.0.0.0"}, "it has the version '4.0.0.0', expected 3.5 or later, below 4.0"),
+        ({"project_version": "new"}, "it does not tell its version"),
+        ({}, "it does not tell its version"),
+        ([], "it does not tell its version"),
+    ],
+)
+def test_another_version_is_refused_before_a_force_is_sent(service, answer, message):
+    service.version = answer
+    with pytest.raises(OSError, match=message):
         Inverse3()
     assert service.forces == []
-
-
-@pytest.mark.parametrize("version", [None, {}, [], "3.5"])
-def test_a_service_that_does_not_tell_its_version_is_refused(service, version):
-    service.version = version
-    with pytest.raises(OSError, match="it does not tell its version"):
-        Inverse3()
 
 
 def test_no_service_is_an_error_with_its_address_and_a_remedy(monkeypatch):
@@ -164,13 +152,6 @@ def test_no_service_is_an_error_with_its_address_and_a_remedy(monkeypatch):
         monkeypatch.setenv("INVERSE_SERVICE", wrong)
         with pytest.raises(OSError, match=f"INVERSE_SERVICE is '{wrong}', expected host:port, such as localhost:10001"):
             Inverse3()
-
-
-def test_a_server_of_another_kind_is_one_line(service, monkeypatch):
-    monkeypatch.setattr(Socket, "get", lambda self: self.finish("a page"))
-    with pytest.raises(OSError, match=r"^Haply Inverse Service at 127") as raised:
-        Inverse3()
-    assert "\n" not in str(raised.value)
 
 
 def without(name):
@@ -195,9 +176,8 @@ UNFIT = {
 def test_a_device_that_is_not_fit_is_refused_and_gets_no_force(service, case):
     make, message = UNFIT[case]
     make(service)
-    with pytest.raises(OSError, match=message) as raised:
+    with pytest.raises(OSError, match=message):
         Inverse3()
-    assert "\n" not in str(raised.value)
     assert not np.any(service.forces)
 
 
@@ -230,6 +210,12 @@ LOST = {
 }
 
 
+def tick_on(device):
+    for _ in range(2000):
+        device.read_pose()
+        device.write_wrench(wrench(2.0 * UP))
+
+
 @pytest.mark.parametrize("case", LOST)
 def test_what_is_lost_is_one_line_and_ends_the_force(service, case):
     make, message = LOST[case]
@@ -238,13 +224,8 @@ def test_what_is_lost_is_one_line_and_ends_the_force(service, case):
     device.write_wrench(wrench(2.0 * UP))
     device.read_pose()
     make(service)
-
-    def tick():
-        device.read_pose()
-        device.write_wrench(wrench(2.0 * UP))
-
     with pytest.raises(OSError, match=f"^Haply Inverse Service at 127.*({message})") as raised:
-        forever(tick)
+        tick_on(device)
     assert "\n" not in str(raised.value)
     device.close()
     wait_until(lambda: not service.clients)
