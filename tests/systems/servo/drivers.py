@@ -58,13 +58,6 @@ class Blocking(_Failing):
         Path(os.environ["CLOSED"]).write_text("closed")
 
 
-class Absent:
-    """Cannot be opened."""
-
-    def __init__(self):
-        raise OSError("no device on the bus")
-
-
 class Noted(LoopbackDevice):
     """Notes the last wrench that it got when it is closed."""
 

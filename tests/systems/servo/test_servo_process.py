@@ -16,13 +16,10 @@ import pytest
 from experiments.served_run import ServedRun
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
 from skill.data.outcome import Outcome
-from systems.operators.page_hand import PAGE, HandInput
-from systems.operators.person_frame import hand_coordinates
 from systems.servo.own_time import LONGEST_LOOK, OwnTime
 from systems.servo.servo_client import SILENCE, ServoClient
 from systems.servo.servo_process import REST, REST_SHARE, STALL, Pace, WatchedDevice
 from systems.servo.shared_value import CHECKED, SharedValue
-from systems.virtual_environment import start_pose
 
 ROOT = Path(__file__).resolve().parents[3]
 DRIVERS = "tests.systems.servo.drivers"
@@ -52,32 +49,14 @@ def test_a_demonstration_through_the_servo_is_recorded_and_felt(scenario):
             ending = run.step()
             loads.append(np.linalg.norm(run.probe.wrench[3:]))
         times = servo.end()
-        demonstration = run.run.demonstration(ending, habit="live", number=0)
         again = ServedRun(scenario, servo)  # the same process serves the next demonstration
         assert steps(again, 20) is None
         assert again.probe.ticks >= 60
     assert ending.outcome is Outcome.INSERTED
     assert max(loads) > 0.2
-    # The hand keeps the pace of the wall: on a slow machine it moves further between two samples.
-    assert demonstration.samples["z"].iloc[-1] < -0.5 * scenario.full_depth
-    assert demonstration.metadata["lowest_probe_energy_J"] == pytest.approx(run.probe.min_energy, abs=2e-3)
     assert len(times) >= run.probe.ticks
     assert (np.diff(times) > 0.0).all()
     assert run.time <= run.probe.time + 0.01  # the simulation does not run ahead
-
-
-def test_the_hand_of_the_page_moves_in_the_servo(scenario):
-    nothing = np.zeros(5)
-    with ServoClient(PAGE) as servo:
-        start = hand_coordinates(start_pose(scenario))
-        servo.move_hand(HandInput(nothing, nothing, nothing, start, starts=1).as_vector())
-        run = ServedRun(scenario, servo)
-        np.testing.assert_allclose(hand_coordinates(run.probe.X_HD), start, atol=1e-4)
-        sliders = start + np.array([0.004, 0.0, 0.0, 0.0, 0.0])
-        moves = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
-        servo.move_hand(HandInput(sliders, moves, nothing, start, starts=1).as_vector())
-        assert steps(run, 150) is None  # 0.6 s; the hand needs 0.2 s
-        np.testing.assert_allclose(hand_coordinates(run.probe.X_HD), sliders, atol=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -150,8 +129,8 @@ def test_a_device_whose_own_call_takes_too_long_is_closed(name, arguments, take)
 
 
 def test_a_device_that_cannot_be_opened_is_an_error_with_its_name():
-    with pytest.raises(OSError, match="drivers:Absent': no device on the bus"):
-        ServoClient(f"{DRIVERS}:Absent")
+    with pytest.raises(OSError, match=r"^device driver 'nothing:device': ValueError: .*cannot be imported"):
+        ServoClient("nothing:device")
 
 
 def test_a_killed_servo_is_noticed(scenario):
@@ -165,38 +144,24 @@ def test_a_killed_servo_is_noticed(scenario):
             steps(run, 2000)
 
 
-@pytest.mark.parametrize("pause", [0.0, 2 * SILENCE])
-def test_a_servo_that_stands_still_is_silent_unless_the_simulation_was_stopped_too(scenario, monkeypatch, pause):
-    """It is silent after so many looks, not because this process was away. When it wakes, its force returns slowly."""
+def test_a_servo_that_stands_still_is_silent_and_begins_again_from_no_force(scenario):
+    """It is silent for as long as this process looks, not while this one was away too."""
     driver = f"{DRIVERS}:Still"
     with ServoClient(driver) as servo:
-        run = ServedRun(scenario, servo)
+        run, gains = ServedRun(scenario, servo), []
         assert steps(run, 20) is None
+        for order in (signal.SIGSTOP, signal.SIGCONT):
+            os.kill(servo.process, order)
+            time.sleep(2 * SILENCE)
+        for _ in range(100):
+            assert run.step() is None
+            gains.append(run.probe.gain)
+        assert run.probe.stalls >= 1
+        assert min(gains) < 0.9
         os.kill(servo.process, signal.SIGSTOP)
-        slept = []
-
-        def sleep(seconds):
-            slept.append(seconds)
-            if len(slept) == 5:
-                real_sleep(pause)
-                if pause:
-                    os.kill(servo.process, signal.SIGCONT)
-            real_sleep(seconds)
-
-        real_sleep = time.sleep
-        monkeypatch.setattr("systems.servo.servo_client.time.sleep", sleep)
-        if pause:
-            gains = []
-            for _ in range(100):
-                assert run.step() is None
-                gains.append(run.probe.gain)
-            assert run.probe.stalls >= 1
-            assert min(gains) < 0.9
-            assert max(gains[gains.index(min(gains)) :]) > min(gains)  # a busy machine may stop it again
-        else:
-            with pytest.raises(OSError, match=rf"'{driver}': it did not tick for 0\.5 s"):
-                steps(run, 20)
-            os.kill(servo.process, signal.SIGCONT)
+        with pytest.raises(OSError, match=rf"'{driver}': it did not tick for 0\.5 s"):
+            steps(run, 200)
+        os.kill(servo.process, signal.SIGCONT)
 
 
 ORPHAN = f"""
