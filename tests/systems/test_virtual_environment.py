@@ -1,17 +1,10 @@
 import numpy as np
 import pytest
-from pydrake.common.value import Value
-from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 from scipy.spatial.transform import Rotation
 
 from experiments.demonstration_run import run_demonstration
 from models.scenario import DEMONSTRATION_STREAM, parse_scenario, resolve_scenario
-from systems.haptics.haptic_proxy import HapticProxy
-from systems.haptics.virtual_fixture import FreeFixture
-from systems.plant.exact_peg import AddPegPlant
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.rig_diagram import start_angles
 from systems.virtual_environment import MakeVirtualEnvironment, start_pose
@@ -84,17 +77,12 @@ def test_forces_and_energy_of_the_environment_agree_with_the_log(resolved):
 
 
 def test_careful_operators_insert_and_a_slamming_operator_is_rough(demonstrations):
-    good, bad = demonstrations[:5], demonstrations[5]
-    assert [d.outcome for d in good] == ["inserted"] * 5
-    assert [d.good for d in good] == [True] * 5
+    *good, bad = demonstrations
+    assert [(d.outcome, d.good) for d in good] == [("inserted", True)] * 5
     assert bad.outcome != "inserted"
     assert not bad.good
-    for d in good:
-        assert d.samples["z"].iloc[0] > 0
-        # The last sample is at most one period older than the monitor's event at full depth.
-        assert d.samples["z"].iloc[-1] < -0.8 * d.metadata["geometry"]["hole_depth"]
-    force = np.linalg.norm(bad.samples[["fx", "fy", "fz"]], axis=1).max()
-    assert force > max(np.linalg.norm(d.samples[["fx", "fy", "fz"]], axis=1).max() for d in good)
+    *gentle, rough = (np.linalg.norm(d.samples[["fx", "fy", "fz"]], axis=1).max() for d in demonstrations)
+    assert rough > max(gentle)
 
 
 def test_axis_of_the_peg_passes_the_pivot_of_the_rig(demonstrations):
@@ -124,31 +112,6 @@ def test_a_demonstration_inserts_a_peg_of_every_section_in_each_engine(quick_sce
     assert demonstration.metadata["penetration_um"] < overlap
     assert demonstration.metadata["geometry"]["section"] == section
     assert demonstration.samples["fz"].max() > 0.5
-
-
-@pytest.mark.parametrize(("engine", "overlap"), [("drake", 1e-5), ("exact", 1e-7)])
-def test_the_peg_rests_where_coupling_and_floor_balance(quick_scenario, engine, overlap):
-    """A probe 1 mm below the floor pulls the peg down with its spring; the floor pushes it back."""
-    scenario = quick_scenario
-    scenario.contact.engine = engine
-    builder, depth = DiagramBuilder(), scenario.geometry.hole_depth
-    plant = AddPegPlant(builder, scenario)
-    proxy = builder.AddSystem(HapticProxy(coupling=scenario.coupling, fixture=FreeFixture(), peg=plant.index))
-    probe = builder.AddSystem(ConstantValueSource(Value(RigidTransform([0.0, 0.0, -depth - 1e-3]))))
-    still = builder.AddSystem(ConstantVectorSource(np.zeros(6)))
-    builder.Connect(plant.peg_state, proxy.GetInputPort("peg_state"))
-    builder.Connect(proxy.GetOutputPort("peg_forces"), plant.peg_forces)
-    builder.Connect(probe.get_output_port(), proxy.GetInputPort("probe_pose"))
-    builder.Connect(still.get_output_port(), proxy.GetInputPort("probe_velocity"))
-    simulator = Simulator(builder.Build())
-    context = simulator.get_mutable_context()
-    plant.set_start(context, RigidTransform([0.0, 0.0, -depth]))
-    assert plant.contact_force(context) is None
-    simulator.AdvanceTo(0.3)
-    point, force = plant.contact_force(context)
-    np.testing.assert_allclose(force, [0.0, 0.0, scenario.coupling.stiffness * 1e-3], rtol=1e-3, atol=1e-3)
-    np.testing.assert_allclose(point, [0.0, 0.0, -depth], atol=1e-3)
-    np.testing.assert_allclose(plant.peg_pose(context).translation(), [0.0, 0.0, -depth], atol=overlap)
 
 
 def test_peg_that_is_pulled_out_is_given_up(quick_scenario):

@@ -89,26 +89,16 @@ def test_the_angular_velocity_of_a_rotation_about_a_fixed_axis_is_along_that_axi
     np.testing.assert_allclose(dut.GetOutputPort("probe_velocity").Eval(context)[:3], rate * axis, atol=1e-4)
 
 
-@pytest.mark.parametrize("preset", sorted(DEVICE_PRESETS))
-def test_a_cold_motor_limits_the_wrench_to_its_peak_and_keeps_the_direction(preset):
-    p = DEVICE_PRESETS[preset]
-    force = 3.0 * p.peak_force * np.array([0.6, 0.0, -0.8])
-    wrench = np.concatenate([[0.001, 0.002, 0.0], force])
-    np.testing.assert_allclose(rendered(*device(wrench=wrench, parameters=p)), wrench / 3.0, rtol=1e-12)
-    if p.peak_torque == 0.0:
-        return
-    torque = 2.0 * p.peak_torque * np.array([0.0, 1.0, 0.0])
-    wrench = np.concatenate([torque, [0.1, 0.2, 0.3]])
-    np.testing.assert_allclose(rendered(*device(wrench=wrench, parameters=p)), wrench / 2.0, rtol=1e-12)
-
-
-def test_the_load_is_the_larger_ratio_of_force_and_torque_to_their_limits():
+def test_the_load_is_the_larger_ratio_of_force_and_torque_to_their_limits_and_the_direction_is_kept():
     for torque, force, load in ((0.5, 0.25, 0.5), (0.25, 0.75, 0.75), (3.0, 2.0, 3.0), (0.0, 0.0, 0.0)):
         wrench = np.zeros(6)
         wrench[1], wrench[3:] = -torque * P.peak_torque, force * P.peak_force * np.array([2.0, -1.0, 2.0]) / 3.0
         dut, context = device(wrench=wrench)
         assert dut.load(context) == pytest.approx(load)
-        np.testing.assert_allclose(dut.limit(wrench, np.zeros(2)), wrench / max(load, 1.0), rtol=1e-12)
+        np.testing.assert_allclose(rendered(dut, context), wrench / max(load, 1.0), rtol=1e-12)
+    no_torque = DEVICE_PRESETS["inverse3"]
+    dut, context = device(wrench=[1.0, 0, 0, 0, 0, 2.0 * no_torque.peak_force], parameters=no_torque)
+    assert dut.load(context) == pytest.approx(2.0)
 
 
 def test_the_mean_squares_limit_force_and_torque_separately():

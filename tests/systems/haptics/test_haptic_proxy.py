@@ -117,24 +117,6 @@ def test_the_rigs_guide_exerts_no_wrench_for_motions_of_the_rig(tilt, height, w,
     np.testing.assert_allclose(guide(RigFixture(), X, V), np.zeros(6), atol=1e-7)
 
 
-@given(
-    tilt=st.tuples(small, small),
-    spin=st.floats(-0.05, 0.05),
-    height=st.floats(-0.03, 0.01),
-    offset=st.tuples(st.floats(-1e-3, 1e-3), st.floats(-1e-3, 1e-3)),
-    w=st.tuples(speeds, speeds),
-    slide=speeds,
-)
-def test_the_rigs_guide_does_no_work_along_its_freedoms_if_the_constraint_is_violated(
-    tilt, spin, height, offset, w, slide
-):
-    R = from_rotation_vector(np.array([*tilt, 0.0])) @ from_rotation_vector(np.array([0.0, 0.0, spin]))
-    X = RigidTransform(R, R.multiply(np.array([*offset, height])))
-    omega = w[0] * R.col(0) + w[1] * R.col(1)
-    V = np.concatenate([omega, np.cross(omega, X.translation()) + slide * R.col(2)])
-    assert guide(RigFixture(), X) @ V == pytest.approx(0.0, abs=1e-6)
-
-
 @given(position=st.tuples(*[st.floats(-1e-3, 1e-3)] * 3), slide=speeds)
 def test_the_axial_guide_exerts_no_force_along_the_axis(position, slide):
     X = pose([0.01, -0.02, 0.03], position)
