@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from compiled import compiled
 from skill.arrays import Array
 from skill.policy.prediction import NearSamples, Prediction, Query
-from skill.regression.locally_weighted_regression import MAX_QUERY, LWRegressor, RegressionNumbers, local_prediction
+from skill.regression.local_model import local_prediction
+from skill.regression.locally_weighted_regression import MAX_QUERY, LWRegressor
+from skill.regression.neighbourhood import RegressionNumbers
 from skill.regression.protocols import Regressor
 
 N_TURNS, FEED, SPIN = 2, 2, 3

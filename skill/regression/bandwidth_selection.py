@@ -17,7 +17,6 @@ from sklearn.model_selection import GroupKFold
 from skill.arrays import Array
 from skill.regression.leave_one_out import candidate_bandwidths, searched
 from skill.regression.locally_weighted_regression import LWRegressor
-from skill.regression.neighbourhood import Kernel
 
 FOLDS = 5
 """Number of folds of the cross-validation over demonstrations; at most one for each demonstration."""
@@ -164,8 +163,7 @@ def select_feature_scale(
 
 def default_bandwidths(fitted: LWRegressor) -> Array:
     """The candidates (12,) for a fitted regressor; see `candidate_bandwidths`."""
-    adaptive = fitted.bandwidth_type == "adaptive"
-    return candidate_bandwidths(fitted.X_, Kernel(1.0, adaptive, fitted.n_neighbors))
+    return candidate_bandwidths(fitted.X_, fitted.numbers())
 
 
 @dataclass(frozen=True)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled import compiled
 from skill.arrays import Array
-from skill.regression.local_model import equivalent_kernels, normalised_weights
-from skill.regression.neighbourhood import Kernel, KernelNeighbourhood
+from skill.regression.local_model import equivalent_kernel, scaled_weights, weighted_output
+from skill.regression.neighbourhood import RegressionNumbers, neighbourhood
 
 MAX_LEFT_OUT = 500
 """Number of samples that are left out, one by one, to select a bandwidth. They are evenly spaced among all samples."""
@@ -23,79 +23,48 @@ MAX_EXTENSIONS, EXTENSION = 8, 3
 """How often the candidates go on beyond the best one, and by how many; in all by a factor of 1,900 on either side."""
 
 
-@dataclass(frozen=True)
-class StoredSamples:
-    """The samples of a locally weighted regression.
+def best_bandwidth(p: RegressionNumbers) -> float:
+    """Returns the candidate of `candidate_bandwidths` with the minimum error of left-out samples.
 
-    Attributes:
-        X: (n, d), scaled features.
-        y: (n, p), outputs.
-        memberships: (n, K), contact-state probabilities, or None.
-        sample_weight: (n,), positive.
-        neighbourhood: search for neighbours among X.
+    The squared error of each output is divided by its variance. Copies of a sample are left out with it, so that a
+    weight counts like repetitions. The bandwidth of ``p`` is returned if no output varies: any is then right.
     """
+    points, variance = p.search.points, p.y.var(axis=0)
+    varies = variance > 0
+    if not varies.any():
+        return p.bandwidth
+    rows = np.unique(np.linspace(0, len(points) - 1, MAX_LEFT_OUT).astype(np.intp))
+    weights = np.exp(p.search.log_weight[rows])
+    more = p._replace(k=min(p.k + 1, len(points)))
 
-    X: Array
-    y: Array
-    memberships: Array | None
-    sample_weight: Array
-    neighbourhood: KernelNeighbourhood
+    def errors(bandwidths: Array) -> Array:
+        predicted = np.array([left_out_predictions(more._replace(bandwidth=float(h)), rows) for h in bandwidths])
+        squares = np.average((predicted - p.y[rows]) ** 2, axis=1, weights=weights)
+        return np.asarray((squares[:, varies] / variance[varies]).mean(axis=1))
 
-    def predictions(
-        self,
-        rows: NDArray[np.intp],
-        kernels: Sequence[Kernel],
-        *,
-        ridge: float,
-        degree: int,
-    ) -> Array:
-        """Predictions (B, r, p) by B kernels at the samples ``rows`` (r,), each without the sample and its copies.
+    candidates, found = searched(candidate_bandwidths(np.unique(points, axis=0), p), errors)
+    return float(candidates[::-1][found[::-1].argmin()])  # the widest of equal ones
 
-        Copies are samples with the same features; they stay if there are no others.
 
-        Args:
-            rows: numbers of the samples.
-            kernels: kernels that differ in their bandwidths only.
-            ridge: penalty of the squared slope.
-            degree: 0 or 1.
-        """
-        queries = self.X[rows]
-        P = None if self.memberships is None else self.memberships[rows]
-        out = np.empty((len(kernels), len(rows), self.y.shape[1]))
-        blocks = self.neighbourhood.blocks_of_kernels(queries, P, kernels, extra=1)
-        for number, block, found, x, log_w in blocks:
-            copies = (x == queries[block][:, None, :]).all(axis=2)
-            copies &= (~copies & np.isfinite(log_w)).any(axis=1, keepdims=True)
-            weights, _, scaled_ridge = normalised_weights(np.where(copies, -np.inf, log_w), ridge)
-            influence = equivalent_kernels(queries[block], x, weights, scaled_ridge, degree)
-            out[number, block] = (influence[:, None, :] @ self.y[found])[:, 0, :]
-        return out
+@compiled
+def left_out_predictions(p: RegressionNumbers, rows: NDArray[np.intp]) -> Array:
+    """Returns predictions (r, p) at samples (r,), each without the sample and its copies.
 
-    def best_bandwidth(self, kernel: Kernel, *, ridge: float, degree: int) -> float:
-        """The candidate of `candidate_bandwidths` with the minimum error of left-out samples.
-
-        The squared error of each output is divided by its variance. Copies of a sample are left out with it, so that a
-        weight counts like repetitions. The bandwidth of ``kernel`` is returned if no output varies: any is then right.
-
-        Args:
-            kernel: the kernel; its bandwidth is replaced by that of each candidate.
-            ridge: penalty of the squared slope.
-            degree: 0 or 1.
-        """
-        variance = self.y.var(axis=0)
-        varies = variance > 0
-        if not varies.any():
-            return kernel.bandwidth
-        rows = np.unique(np.linspace(0, len(self.X) - 1, MAX_LEFT_OUT).astype(np.intp))
-
-        def errors(bandwidths: Array) -> Array:
-            kernels = [replace(kernel, bandwidth=float(bandwidth)) for bandwidth in bandwidths]
-            predicted = self.predictions(rows, kernels, ridge=ridge, degree=degree)
-            squares = np.average((predicted - self.y[rows]) ** 2, axis=1, weights=self.sample_weight[rows])
-            return np.asarray((squares[:, varies] / variance[varies]).mean(axis=1))
-
-        candidates, found = searched(candidate_bandwidths(np.unique(self.X, axis=0), kernel), errors)
-        return float(candidates[::-1][found[::-1].argmin()])  # the widest of equal ones
+    Copies are samples with the same features; they stay if there are no others.
+    """
+    predicted = np.empty((len(rows), p.y.shape[1]))
+    for i in range(len(rows)):
+        query = p.search.points[rows[i]]
+        found, log_w = neighbourhood(p, query, p.search.memberships[rows[i]])
+        x = p.search.points[found]
+        others = np.zeros(len(found), np.bool_)
+        for feature in range(len(query)):
+            others |= x[:, feature] != query[feature]
+        if others.any():
+            log_w = np.where(others, log_w, -np.inf)
+        weights, _, ridge = scaled_weights(log_w, p.ridge)
+        predicted[i] = weighted_output(equivalent_kernel(query, x, weights, ridge, p.degree), p.y, found)
+    return predicted
 
 
 def searched(candidates: Array, errors_of: Callable[[Array], Array]) -> tuple[Array, Array]:
@@ -117,7 +86,7 @@ def searched(candidates: Array, errors_of: Callable[[Array], Array]) -> tuple[Ar
     return candidates, errors
 
 
-def candidate_bandwidths(X: Array, kernel: Kernel) -> Array:
+def candidate_bandwidths(X: Array, p: RegressionNumbers) -> Array:
     """Twelve candidates, from an eighth to four times the median radius of a neighbourhood; `searched` goes on.
 
     The radius is the distance to the farthest neighbour used. For an adaptive kernel, whose bandwidth is in units of
@@ -125,12 +94,12 @@ def candidate_bandwidths(X: Array, kernel: Kernel) -> Array:
 
     Args:
         X: (n, d), scaled features.
-        kernel: the kernel; its bandwidth has no effect.
+        p: the regression; its bandwidth has no effect.
     """
     multiples = np.geomspace(0.125, 4.0, 12)
-    if kernel.adaptive:
+    if p.adaptive:
         return multiples
-    k = len(X) if kernel.n_neighbors is None else min(int(kernel.n_neighbors), len(X))
+    k = min(p.k, len(X))
     queries = X[:: max(1, len(X) // RADII)]
     radii = [np.partition(np.linalg.norm(query - X, axis=1), k - 1)[k - 1] for query in queries]
     radius = float(np.median(radii))

@@ -28,6 +28,7 @@ from scipy.special import stdtrit
 
 from compiled import compiled
 from skill.arrays import Array
+from skill.regression.neighbourhood import RegressionNumbers, neighbourhood
 from skill.regression.positive_systems import solve_least_norm, solve_positive
 
 MAX_EXPONENT = 690.0
@@ -58,44 +59,19 @@ class LocalPrediction:
         """Standard deviation of a new observation at the query, (m, p)."""
         return np.sqrt(self.variance * (1.0 + self.leverage[:, None]))
 
-    def interval(self, level: float = 0.95, kind: str = "prediction") -> tuple[Array, Array]:
-        """Interval from Student's t distribution with the residual degrees of freedom.
+    def interval(self, level: float = 0.95) -> tuple[Array, Array]:
+        """Bounds, each (m, p), for a new observation, by Student's t with the residual degrees of freedom.
 
         Args:
             level: nominal coverage.
-            kind: "prediction" for a new observation, or "variance_only" for the mean. The latter ignores the bias of
-                smoothing; its actual coverage is therefore below ``level``.
-
-        Returns:
-            Lower and upper bounds, each (m, p).
 
         Raises:
-            ValueError: if ``level`` is not within (0, 1) or ``kind`` is unknown.
+            ValueError: if ``level`` is not within (0, 1).
         """
         if not 0.0 < level < 1.0:
             raise ValueError(f"level = {level}; expected a probability between 0 and 1, such as 0.95")
-        if kind not in ("prediction", "variance_only"):
-            raise ValueError(f"kind = {kind!r}; expected 'prediction' or 'variance_only'")
-        factor = self.leverage + (1.0 if kind == "prediction" else 0.0)
-        t = stdtrit(self.freedom, 0.5 * (1.0 + level))
-        half = t[:, None] * np.sqrt(self.variance * factor[:, None])
+        half = stdtrit(self.freedom, 0.5 * (1.0 + level))[:, None] * self.standard_deviation()
         return self.mean - half, self.mean + half
-
-
-def normalised_weights(log_w: Array, ridge: float) -> tuple[Array, Array, Array]:
-    """Divides weights and ridge by the greatest weight of each query.
-
-    Args:
-        log_w: (..., k), logarithms of the weights.
-        ridge: penalty of the slope.
-
-    Returns:
-        The divided weights (..., k), the logarithm of the greatest weight (...), and the divided ridge (...).
-    """
-    log_w_max: Array = log_w.max(axis=-1)
-    weights: Array = np.exp(log_w - log_w_max[..., None])
-    scaled_ridge = ridge * np.exp(np.minimum(-log_w_max, MAX_EXPONENT))
-    return weights, log_w_max, np.asarray(scaled_ridge, dtype=np.float64)
 
 
 @compiled
@@ -140,7 +116,15 @@ def equivalent_kernel(query: Array, x: Array, weights: Array, ridge: float, degr
 
 @compiled
 def scaled_weights(log_w: Array, ridge: float) -> tuple[Array, float, float]:
-    """Returns what `normalised_weights` does for one query: weights (k,), greatest logarithm, and divided ridge."""
+    """Divides weights and ridge by the greatest weight.
+
+    Args:
+        log_w: (k,), logarithms of the weights.
+        ridge: penalty of the slope.
+
+    Returns:
+        The divided weights (k,), the logarithm of the greatest weight, and the divided ridge.
+    """
     greatest = log_w.max()
     return np.exp(log_w - greatest), greatest, ridge * math.exp(min(-greatest, MAX_EXPONENT))
 
@@ -155,101 +139,59 @@ def weighted_output(kernel: Array, y: Array, rows: NDArray[np.intp]) -> Array:
     return found
 
 
-def equivalent_kernels(queries: Array, x: Array, weights: Array, ridge: Array, degree: int) -> Array:
-    """Equivalent kernels (m, k) of many queries; see `equivalent_kernel`.
+@compiled
+def local_prediction(p: RegressionNumbers, query: Array, q: Array) -> tuple[Array, NDArray[np.intp], Array, float]:
+    """Returns the prediction (p,) at one query, and rows (k,), weights (k,) and greatest log weight of its samples.
 
     Args:
-        queries: (m, d).
-        x: (m, k, d), the neighbours of each query.
-        weights: (m, k), divided by the greatest weight of each query.
-        ridge: (m,), likewise divided.
-        degree: 0 or 1.
+        p: the regression.
+        query: (d,), scaled features.
+        q: (K,), contact-state probabilities of the query.
     """
-    normalised: Array = weights / weights.sum(axis=1, keepdims=True)
-    if degree == 0:
-        return normalised
-    mean, weighted, scatter = _scatter(x, weights, normalised, ridge)
-    a = _solve(scatter, (mean - queries)[:, :, None], ridge)
-    kernel: Array = normalised - (weighted @ a)[:, :, 0]
-    return kernel
+    rows, log_w = neighbourhood(p, query, q)
+    weights, log_w_max, ridge = scaled_weights(log_w, p.ridge)
+    kernel = equivalent_kernel(query, p.search.points[rows], weights, ridge, p.degree)
+    return weighted_output(kernel, p.y, rows), rows, weights, log_w_max
 
 
-def local_predictions(
-    queries: Array, x: Array, y: Array, log_w: Array, ridge: float, degree: int, marginal_variance: Array
-) -> LocalPrediction:
-    """Predictions with their uncertainty.
+@compiled
+def local_predictions(p: RegressionNumbers, queries: Array, Q: Array) -> tuple[Array, Array]:
+    """Returns predictions (m, p) and greatest log weights (m,) at queries (m, d) with probabilities (m, K)."""
+    predicted, support = np.empty((len(queries), p.y.shape[1])), np.empty(len(queries))
+    for i in range(len(queries)):
+        predicted[i], _, _, support[i] = local_prediction(p, queries[i], Q[i])
+    return predicted, support
+
+
+def predictions_with_uncertainty(p: RegressionNumbers, queries: Array, Q: Array) -> LocalPrediction:
+    """Returns predictions at queries (m, d) with probabilities (m, K), and their uncertainty.
 
     The variance is sum_i w_i r_i^2 / (n - p), with the residuals r about the local model and
     p = sum_i w_i^2 z_i' A^-1 z_i, z = [1, c], A = diag(n, S). With less than one residual degree of freedom the
     residuals do not determine the noise. The overall variance of the outputs then fills the missing part of this one
     degree. An isolated sample thus has a wide interval, not an empty one.
-
-    Args:
-        queries: (m, d).
-        x: (m, k, d), the neighbours of each query.
-        y: (m, k, p), their outputs.
-        log_w: (m, k), logarithms of their kernel weights.
-        ridge: penalty of the squared slope, in the units of x.
-        degree: 0 or 1.
-        marginal_variance: (p,), overall variance of the outputs.
     """
-    weights, log_w_max, scaled_ridge = normalised_weights(log_w, ridge)
-    total = weights.sum(axis=1)
-    normalised = weights / total[:, None]
-    y_mean = np.einsum("mk,mkp->mp", normalised, y)
-    residual = y - y_mean[:, None, :]
-    if degree == 0:
-        kernel, mean = normalised, y_mean
-        used = np.einsum("mk,mk->m", weights, normalised)
-    else:
-        m, _, d = x.shape
-        x_mean, weighted, scatter = _scatter(x, weights, normalised, scaled_ridge)
-        inverse = _solve(scatter, np.broadcast_to(np.eye(d), (m, d, d)), scaled_ridge)
-        slope = inverse @ (weighted.transpose(0, 2, 1) @ residual)
-        residual = residual - (x - x_mean[:, None, :]) @ slope
-        a = inverse @ (x_mean - queries)[:, :, None]
-        kernel = normalised - (weighted @ a)[:, :, 0]
-        mean = np.einsum("mk,mkp->mp", kernel, y)
-        used = np.einsum("mk,mk->m", weights, normalised)
-        used += np.einsum("mkd,mkd->m", weighted @ inverse, weighted)
-    left = total - used
-    missing = np.maximum(0.0, 1.0 - left)
-    squares = np.einsum("mk,mkp->mp", weights, residual**2)
-    freedom = np.maximum(left, 0.0) + missing
-    variance = (squares + missing[:, None] * marginal_variance) / freedom[:, None]
-    return LocalPrediction(
-        mean=mean,
-        variance=variance,
-        leverage=np.einsum("mk,mk->m", kernel, kernel),
-        freedom=freedom,
-        support=total,
-        log_w_max=log_w_max,
-    )
+    found = [_with_uncertainty(p, query, q) for query, q in zip(queries, Q, strict=True)]
+    return LocalPrediction(*(np.array(values) for values in zip(*found, strict=True)))
 
 
-def _scatter(x: Array, weights: Array, normalised: Array, ridge: Array) -> tuple[Array, Array, Array]:
-    """Weighted mean (m, d), weighted centred samples (m, k, d), and their scatter plus ridge (m, d, d)."""
-    mean = (normalised[:, None, :] @ x)[:, 0, :]
-    centred = x - mean[:, None, :]
-    weighted = centred * weights[:, :, None]
-    scatter = weighted.transpose(0, 2, 1) @ centred
-    d = x.shape[2]
-    scatter.reshape(len(x), d * d)[:, :: d + 1] += ridge[:, None]
-    return mean, weighted, scatter
-
-
-def _solve(matrices: Array, right: Array, ridge: Array) -> Array:
-    """Solutions of m linear systems (m, d, d); those of minimum norm where a ridge is zero or too small."""
-    if (ridge > 0).all():
-        try:
-            return np.asarray(np.linalg.solve(matrices, right), dtype=np.float64)
-        except np.linalg.LinAlgError:  # a ridge below rounding error, relative to the scatter
-            pass
-    return _min_norm_solution(matrices, right)
-
-
-def _min_norm_solution(matrices: Array, right: Array) -> Array:
+def _with_uncertainty(p: RegressionNumbers, query: Array, q: Array) -> tuple[Array | float, ...]:
+    """Returns the attributes of `LocalPrediction` at one query."""
+    rows, log_w = neighbourhood(p, query, q)
+    weights, log_w_max, ridge = scaled_weights(log_w, p.ridge)
+    x, y = p.search.points[rows], p.y[rows]
+    kernel = equivalent_kernel(query, x, weights, ridge, p.degree)
+    total = weights.sum()
+    normalised = weights / total
+    centred = x - normalised @ x
+    weighted = centred * weights[:, None]
     # Directions in which the samples vary by rounding errors only must not have a slope.
-    tolerance = 10 * matrices.shape[1] * np.finfo(float).eps
-    inverse = np.linalg.pinv(matrices, rcond=tolerance, hermitian=True)
-    return np.asarray(inverse @ right, dtype=np.float64)
+    rounding = 10 * x.shape[1] * np.finfo(float).eps
+    inverse = p.degree * np.linalg.pinv(weighted.T @ centred + ridge * np.eye(x.shape[1]), rounding, hermitian=True)
+    residual = y - normalised @ y
+    residual -= centred @ (inverse @ (weighted.T @ residual))
+    left = total - weights @ normalised - np.einsum("kd,de,ke->", weighted, inverse, weighted)
+    missing = max(0.0, 1.0 - left)
+    freedom = max(left, 0.0) + missing
+    variance = (weights @ residual**2 + missing * p.y.var(axis=0)) / freedom
+    return weighted_output(kernel, p.y, rows), variance, kernel @ kernel, freedom, total, log_w_max

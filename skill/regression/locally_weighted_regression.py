@@ -6,9 +6,8 @@ A linear model is fitted around each query to the nearest samples, weighted by d
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from numbers import Integral, Real
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,27 +15,17 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from compiled import compiled
 from skill.arrays import Array, standard_scale
 from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
-from skill.regression.leave_one_out import StoredSamples
+from skill.regression.leave_one_out import best_bandwidth
 from skill.regression.local_model import (
     LocalPrediction,
     equivalent_kernel,
-    equivalent_kernels,
     local_predictions,
-    normalised_weights,
+    predictions_with_uncertainty,
     scaled_weights,
-    weighted_output,
 )
-from skill.regression.neighbourhood import (
-    Kernel,
-    KernelNeighbourhood,
-    SearchNumbers,
-    check_memberships,
-    kernel_numbers,
-    neighbourhood_of_one,
-)
+from skill.regression.neighbourhood import RegressionNumbers, SearchNumbers, check_memberships, neighbourhood
 from skill.regression.protocols import Explanation
 
 MAX_QUERY = 1e100
@@ -94,7 +83,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         rows_: (n,), their row numbers in the data given to ``fit``.
         memberships_: (n, K), their contact-state probabilities, or None.
         feature_scale_: (d,), the scale m.
-        marginal_variance_: (p,), overall variance of the outputs.
 
     References:
         Atkeson, Moore, Schaal, "Locally weighted learning", Artificial Intelligence Review 11, 1997.
@@ -163,7 +151,8 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         self.rows_ = rows
         self._build()
         if self.bandwidth == "auto":
-            self._selected = self._stored.best_bandwidth(self._kernel(1.0), ridge=self.ridge, degree=self.degree)
+            self._selected = 1.0
+            self._selected = best_bandwidth(self.numbers())
         return self
 
     @property
@@ -179,28 +168,19 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             memberships: (m, K), contact-state probabilities of the queries, non-negative with row sums of at most one
                 (less than one if the state may be unknown). None ignores the states.
         """
-        queries, Q = self._queries(X, memberships)
-        if len(queries) == 1:
-            return self._shaped(self._predict_one(queries[0], None if Q is None else Q[0])[0][None])
-        out = np.empty((len(queries), self.y_.shape[1]))
-        for block, found, x, log_w in self._neighbourhood.blocks(queries, Q, self._kernel()):
-            weights, _, ridge = normalised_weights(log_w, self.ridge)
-            kernel = equivalent_kernels(queries[block], x, weights, ridge, self.degree)
-            out[block] = (kernel[:, None, :] @ self.y_[found])[:, 0, :]
-        return self._shaped(out)
+        return self.predict_with_support(X, memberships)[0]
 
     def predict_local(self, X: ArrayLike, memberships: ArrayLike | None = None) -> LocalPrediction:
         """Predictions with uncertainty and support; arguments as for ``predict``."""
-        return self._local(*self._queries(X, memberships))
+        return predictions_with_uncertainty(*self._queries(X, memberships))
 
     def predict_with_support(self, X: ArrayLike, memberships: ArrayLike | None = None) -> tuple[Array, Array]:
         """Predictions as by ``predict``, and the logarithm of the greatest kernel weight of each query, (m,).
 
         This logarithm is zero at a sample of the same state, and very negative far from all samples.
         """
-        queries, Q = self._queries(X, memberships)
-        found = [self._predict_one(query, None if Q is None else Q[k]) for k, query in enumerate(queries)]
-        return self._shaped(np.array([value for value, *_ in found])), np.array([support for *_, support in found])
+        predicted, support = local_predictions(*self._queries(X, memberships))
+        return predicted[:, 0] if self.single_output_ else predicted, support
 
     def support_between(self, groups: ArrayLike) -> Array:
         """Logarithm of the greatest kernel weight (n,) that each sample finds in the other groups.
@@ -211,12 +191,11 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             groups: (n,), the demonstration of each sample of ``X_``; at least two.
         """
         _, group, sizes = np.unique(np.asarray(groups), return_inverse=True, return_counts=True)
-        best = np.empty(len(self.X_))
-        for block, found, _, log_w in self._neighbourhood.blocks(
-            self.X_, self.memberships_, self._kernel(), extra=int(sizes.max())
-        ):
-            own = group[found] == group[block, None]
-            best[block] = np.where(own, -np.inf, log_w).max(axis=1)
+        p, best = self.numbers(), np.empty(len(self.X_))
+        p = p._replace(k=min(p.k + int(sizes.max()), len(best)))
+        for i, (query, q) in enumerate(zip(p.search.points, p.search.memberships, strict=True)):
+            found, log_w = neighbourhood(p, query, q)
+            best[i] = np.where(group[found] == group[i], -np.inf, log_w).max()
         return best
 
     def explain(self, x: ArrayLike, membership: ArrayLike | None = None, level: float = 0.95) -> Explanation:
@@ -228,37 +207,37 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             level: nominal coverage of the interval.
         """
         q = None if membership is None else np.asarray(membership)[None]
-        queries, Q = self._queries(np.asarray(x, dtype=float)[None], q)
-        local = self._local(queries, Q)
+        p, queries, Q = self._queries(np.asarray(x, dtype=float)[None], q)
+        local = predictions_with_uncertainty(p, queries, Q)
         lower, upper = local.interval(level)
-        _, found, x, log_w = next(self._neighbourhood.blocks(queries, Q, self._kernel()))
-        weights, log_w_max, ridge = normalised_weights(log_w, self.ridge)
-        influence = equivalent_kernels(queries, x, weights, ridge, self.degree)
-        order = np.argsort(-weights[0], kind="stable")
-        order = order[weights[0, order] > 0]
+        found, log_w = neighbourhood(p, queries[0], Q[0])
+        weights, log_w_max, ridge = scaled_weights(log_w, p.ridge)
+        influence = equivalent_kernel(queries[0], p.search.points[found], weights, ridge, p.degree)
+        order = np.argsort(-weights, kind="stable")
+        order = order[weights[order] > 0]
         return Explanation(
-            neighbours=self.rows_[found[0, order]],
-            weights=weights[0, order],
-            influence=influence[0, order],
+            neighbours=self.rows_[found[order]],
+            weights=weights[order],
+            influence=influence[order],
             prediction=local.mean[0],
             lower=lower[0],
             upper=upper[0],
             level=level,
             support=float(local.support[0]),
-            log_w_max=float(log_w_max[0]),
+            log_w_max=float(log_w_max),
         )
 
     def numbers(self, *, with_states: bool = True) -> RegressionNumbers:
         """The fitted estimator for compiled functions, with its contact states or without them."""
         check_is_fitted(self)
-        bandwidth, adaptive, k = kernel_numbers(self._kernel(), len(self.X_))
+        n = len(self.X_)
         return RegressionNumbers(
-            search=self._neighbourhood.numbers if with_states else self._neighbourhood.stateless,
+            search=self._search if with_states else self._stateless,
             feature_scale=np.array(self.feature_scale_, dtype=float),
             y=self.y_,
-            bandwidth=bandwidth,
-            adaptive=adaptive,
-            k=k,
+            bandwidth=self.bandwidth_,
+            adaptive=self.bandwidth_type == "adaptive",
+            k=n if self.n_neighbors is None else min(int(self.n_neighbors), n),
             ridge=float(self.ridge),
             degree=int(self.degree),
         )
@@ -323,17 +302,17 @@ class LWRegressor(RegressorMixin, BaseEstimator):
 
     def _build(self) -> None:
         """Computes what follows from the stored samples."""
-        self.marginal_variance_ = self.y_.var(axis=0)
-        self._neighbourhood = KernelNeighbourhood(self.X_, self.memberships_, self.sample_weight_)
-        self._stored = StoredSamples(self.X_, self.y_, self.memberships_, self.sample_weight_, self._neighbourhood)
+        self._search = self._stateless = SearchNumbers.of(self.X_, None, self.sample_weight_)
+        if self.memberships_ is not None:
+            self._search = SearchNumbers.of(self.X_, self.memberships_, self.sample_weight_)
 
-    def _queries(self, X: ArrayLike, memberships: ArrayLike | None) -> tuple[Array, Array | None]:
-        """Checks queries; returns the scaled queries (m, d) and their memberships (m, K)."""
+    def _queries(self, X: ArrayLike, memberships: ArrayLike | None) -> tuple[RegressionNumbers, Array, Array]:
+        """Checks queries; returns the regression, the scaled queries (m, d) and their memberships (m, K)."""
         if (
             # A fast path for controllers, which skips the general checks.
             isinstance(X, np.ndarray)
             and type(X) is np.ndarray
-            and hasattr(self, "_neighbourhood")
+            and hasattr(self, "_search")
             and X.dtype == np.float64
             and X.ndim == 2
             and X.shape[1] == self.n_features_in_
@@ -345,75 +324,13 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         else:
             check_is_fitted(self)
             queries = validate_data(self, X, reset=False, dtype=np.float64)
-        queries = np.minimum(np.maximum(queries * self.feature_scale_, -MAX_QUERY), MAX_QUERY)
+        queries = np.ascontiguousarray(np.clip(queries * self.feature_scale_, -MAX_QUERY, MAX_QUERY))
         if memberships is None:
-            return queries, None
+            return self.numbers(with_states=False), queries, np.ones((len(queries), 1))
         if self.memberships_ is None:
             raise ValueError("queries have memberships but the samples have none: give memberships to fit too")
-        return queries, check_memberships(memberships, len(queries), self.memberships_.shape[1])
-
-    def _predict_one(self, query: Array, q: Array | None) -> tuple[Array, NDArray[np.intp], Array, float]:
-        """Returns what `local_prediction` does at one scaled query (d,)."""
-        if q is None:
-            return local_prediction(self.numbers(with_states=False), query, np.ones(1))
-        return local_prediction(self.numbers(), query, np.array(q))
-
-    def _kernel(self, bandwidth: float | None = None) -> Kernel:
-        chosen = self.bandwidth_ if bandwidth is None else bandwidth
-        return Kernel(chosen, self.bandwidth_type == "adaptive", self.n_neighbors)
-
-    def _local(self, queries: Array, Q: Array | None) -> LocalPrediction:
-        parts = [
-            local_predictions(
-                queries[block], x, self.y_[found], log_w, self.ridge, self.degree, self.marginal_variance_
-            )
-            for block, found, x, log_w in self._neighbourhood.blocks(queries, Q, self._kernel())
-        ]
-        return LocalPrediction(
-            **{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(LocalPrediction)}
-        )
-
-    def _shaped(self, values: Array) -> Array:
-        return values[:, 0] if self.single_output_ else values
-
-
-class RegressionNumbers(NamedTuple):
-    """A fitted `LWRegressor` for compiled functions.
-
-    Attributes:
-        search: the samples.
-        feature_scale: (d,).
-        y: (n, p), outputs.
-        bandwidth: see `kernel_numbers`.
-        adaptive: likewise.
-        k: likewise.
-        ridge: penalty of the slope.
-        degree: 0 or 1.
-    """
-
-    search: SearchNumbers
-    feature_scale: Array
-    y: Array
-    bandwidth: float
-    adaptive: bool
-    k: int
-    ridge: float
-    degree: int
-
-
-@compiled
-def local_prediction(p: RegressionNumbers, query: Array, q: Array) -> tuple[Array, NDArray[np.intp], Array, float]:
-    """Returns the prediction (p,) at one query, and rows (k,), weights (k,) and greatest log weight of its samples.
-
-    Args:
-        p: the regressor.
-        query: (d,), scaled features.
-        q: (K,), contact-state probabilities of the query.
-    """
-    rows, log_w = neighbourhood_of_one(p.search, query, q, p.bandwidth, p.adaptive, p.k)
-    weights, log_w_max, ridge = scaled_weights(log_w, p.ridge)
-    kernel = equivalent_kernel(query, p.search.points[rows], weights, ridge, p.degree)
-    return weighted_output(kernel, p.y, rows), rows, weights, log_w_max
+        Q = check_memberships(memberships, len(queries), self.memberships_.shape[1])
+        return self.numbers(), queries, np.ascontiguousarray(Q)
 
 
 def resolved_scale(feature_scale: ArrayLike | str | None, X: Array, weights: Array | None) -> Array:

@@ -21,14 +21,6 @@ def relative_error(model, X, truth):
     return np.sqrt(np.mean((model.predict(X) - truth) ** 2)) / truth.std()
 
 
-@pytest.mark.slow
-def test_a_linear_function_of_14_features_is_predicted_within_one_per_cent_by_the_defaults():
-    dut = LWRegressor().fit(*linear(10_000, 14, 0))
-    assert relative_error(dut, *linear(1000, 14, 1)) < 1e-3
-    narrow = LWRegressor(bandwidth=1.0).fit(*linear(10_000, 14, 0))
-    assert relative_error(narrow, *linear(1000, 14, 1)) > 0.05  # five effective samples for 15 coefficients
-
-
 def cross(n, seed):
     """The cross-shaped surface of Schaal and Atkeson, Neural Computation 10, 1998: features (n, 2) and outputs (n,)."""
     X = np.random.default_rng(seed).uniform(-1, 1, (n, 2))
@@ -45,38 +37,27 @@ def test_the_selected_bandwidth_is_better_than_one_on_a_surface_with_ridges():
     assert auto < 0.4 * one
 
 
-@pytest.mark.parametrize("kind", ["fixed", "adaptive"])
-@pytest.mark.parametrize("d", [2, 6, 14])
+@pytest.mark.parametrize(("d", "kind"), [(14, "fixed"), (6, "adaptive")])
 def test_a_linear_function_with_noise_is_predicted_better_than_its_noise(d, kind):
     dut = LWRegressor(bandwidth_type=kind).fit(*linear(600, d, 0, noise=0.2))
     X, truth = linear(500, d, 1)
     assert relative_error(dut, X, truth) * truth.std() < 0.1
 
 
-def test_the_selected_bandwidth_has_the_smallest_error_of_refitted_regressors():
+@pytest.mark.parametrize(("K", "n_neighbors"), [(1, 20), (3, None)])
+def test_the_selected_bandwidth_has_the_smallest_error_of_refitted_regressors(K, n_neighbors):
     X, Y = wavy(60, 3)
-    dut = LWRegressor(n_neighbors=20).fit(X, Y)
-    errors = []
-    for bandwidth in default_bandwidths(dut):
-        model = LWRegressor(bandwidth=bandwidth, n_neighbors=20)
-        kept = ~np.eye(60, dtype=bool)
-        left_out = np.array([model.fit(X[kept[i]], Y[kept[i]]).predict(X[i : i + 1])[0] for i in range(60)])
-        errors.append((((left_out - Y) ** 2).mean(axis=0) / Y.var(axis=0)).mean())
-    assert dut.bandwidth_ == default_bandwidths(dut)[np.argmin(errors)]
-
-
-@pytest.mark.slow
-def test_weights_and_contact_states_count_in_the_selection():
     rng = np.random.default_rng(0)
-    X = rng.uniform(-1.0, 1.0, (400, 1))
-    wild = np.arange(400) % 2 == 0
-    Y = np.where(wild, np.sin(20.0 * X[:, 0]), X[:, 0])
-    tame = LWRegressor().fit(X, Y, sample_weight=np.where(wild, 1e-9, 1.0))
-    rough = LWRegressor().fit(X, Y, sample_weight=np.where(wild, 1.0, 1e-9))
-    assert tame.bandwidth_ > 3.0 * rough.bandwidth_
-    opposite = np.where(wild, 1.0, -1.0) * np.sin(20.0 * X[:, 0])  # without the states, the outputs cancel
-    states = np.column_stack([wild, ~wild]).astype(float)
-    assert LWRegressor().fit(X, opposite, states).bandwidth_ < 0.3 * LWRegressor().fit(X, opposite).bandwidth_
+    P, weight = rng.dirichlet(np.ones(K), 60), rng.uniform(0.1, 1.0, 60) if K > 1 else np.ones(60)
+    dut = LWRegressor(feature_scale=None, n_neighbors=n_neighbors).fit(X, Y, P, weight)
+    candidates, errors = default_bandwidths(dut), []
+    for bandwidth in candidates:
+        model, left_out = LWRegressor(bandwidth, feature_scale=None, n_neighbors=n_neighbors), []
+        for i, kept in enumerate(~np.eye(60, dtype=bool)):
+            model.fit(X[kept], Y[kept], P[kept], weight[kept])
+            left_out.append(model.predict(X[i : i + 1], P[i : i + 1])[0])
+        errors.append((np.average((left_out - Y) ** 2, axis=0, weights=weight) / Y.var(axis=0)).mean())
+    assert dut.bandwidth_ == candidates[np.argmin(errors)]
 
 
 @pytest.mark.filterwarnings("error")
@@ -140,16 +121,13 @@ def test_a_feature_scale_is_selected_for_one_bandwidth():
     assert one.error == other.error
 
 
-@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
-def test_the_best_bandwidth_may_lie_beyond_the_candidates(unit):
+def test_the_best_bandwidth_may_lie_beyond_the_candidates():
     """150 samples of two periods have neighbourhoods as wide as the data: the best bandwidth is far below."""
     rng = np.random.default_rng(0)
     X = rng.uniform(0.0, 10.0, (150, 1))
     y = np.sin(X[:, 0]) + 0.05 * rng.normal(size=150)
-    dut = LWRegressor().fit(unit * X, y)
+    dut = LWRegressor().fit(X, y)
     assert dut.bandwidth_ < 0.5 * default_bandwidths(dut)[0]
-    x = np.linspace(1.0, 9.0, 50)[:, None]
-    np.testing.assert_allclose(dut.predict(unit * x), np.sin(x[:, 0]), atol=0.08)
 
 
 def test_candidates_go_on_in_both_directions_and_end():
