@@ -300,6 +300,16 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         tags.target_tags.multi_output = True
         return tags
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leaves out the search, which is several times as large as the samples."""
+        return {name: value for name, value in super().__getstate__().items() if name not in ("_search", "_stateless")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Copies the arrays: for the read-only ones of a mapped file all functions would be compiled again."""
+        super().__setstate__({k: np.array(v) if isinstance(v, np.ndarray) else v for k, v in state.items()})
+        if hasattr(self, "X_"):
+            self._build()
+
     def _build(self) -> None:
         """Computes what follows from the stored samples."""
         self._search = self._stateless = SearchNumbers.of(self.X_, None, self.sample_weight_)
