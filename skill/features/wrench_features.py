@@ -18,13 +18,12 @@ from __future__ import annotations
 
 import math
 from abc import ABCMeta, abstractmethod
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import issparse
-from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.base import BaseEstimator
 
 from compiled import compiled
 from skill.arrays import Array
@@ -42,26 +41,11 @@ STEPPER_STEP = float(np.deg2rad(0.18))
 """One full step of the motors of the rig, rad; the unit of the rotation from one sample to the next."""
 
 
-class WrenchFeatures(TransformerMixin, BaseEstimator, metaclass=ABCMeta):
+class WrenchFeatures(BaseEstimator, metaclass=ABCMeta):
     """Base class of the transformers of the measured wrench and depth.
 
-    The transformers are stateless: ``fit`` only checks parameters and measurements. All parameters are positive numbers
-    in SI units.
+    The transformers are stateless: there is nothing to fit. All parameters are positive numbers in SI units.
     """
-
-    def fit(self, X: ArrayLike, y: object = None) -> Self:
-        """Checks parameters and measurements, (n, 7); learns nothing.
-
-        Raises:
-            ValueError: if a parameter is not a positive number, or the measurements are not valid.
-        """
-        for name, value in self.get_params().items():
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{type(self).__name__}: {name} = {value}; expected a positive number in SI units")
-        self._measurements(X)
-        self.n_features_in_ = len(MEASURED)
-        self.feature_names_in_ = np.array(MEASURED, dtype=object)
-        return self
 
     def transform(self, X: ArrayLike) -> Array:
         """Features of measurements.
@@ -166,17 +150,10 @@ class WrenchFeatures(TransformerMixin, BaseEstimator, metaclass=ABCMeta):
         return np.hstack([turned_rows(actions, sign * phi), actions[:, 2:]])
 
     def _measurements(self, X: ArrayLike) -> Array:
-        """Measurements as an array (n, 7); raises ValueError or TypeError if they are not valid."""
+        """Measurements as an array (n, 7); raises a ValueError if they are not valid."""
         if isinstance(X, pd.DataFrame):
             X = _columns(X, MEASURED)
-        if issparse(X):
-            raise TypeError(f"{type(self).__name__}: sparse input is not supported; convert it with X.toarray()")
-        measured = np.asarray(X)
-        if measured.dtype.kind == "c":
-            raise ValueError(
-                f"{type(self).__name__}: Complex data not supported; expected real measurements, use X.real"
-            )
-        values: Array = measured.astype(float, copy=False)
+        values = np.asarray(X, dtype=float)
         if values.ndim != 2 or values.shape[1] != len(MEASURED):
             raise ValueError(
                 f"{type(self).__name__}: measurements have shape {values.shape},"
@@ -185,11 +162,6 @@ class WrenchFeatures(TransformerMixin, BaseEstimator, metaclass=ABCMeta):
             )
         _require_finite(values, MEASURED, type(self).__name__)
         return values
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.requires_fit = False
-        return tags
 
 
 class PoseFeatures(WrenchFeatures):
