@@ -17,7 +17,7 @@ def sealed_parquet(table: pa.Table, metadata: dict[str, str | bytes]) -> bytes:
     """A Parquet file with this table, these metadata and a digest."""
     sink = pa.BufferOutputStream()
     table = table.replace_schema_metadata(None)
-    with pq.ParquetWriter(sink, table.schema, store_schema=False, write_page_checksum=True) as writer:
+    with pq.ParquetWriter(sink, table.schema, store_schema=False) as writer:
         writer.write_table(table)
         writer.add_key_value_metadata({**metadata, "sha256": UNSEALED.decode()})
     return seal(sink.getvalue().to_pybytes())

@@ -142,7 +142,7 @@ def read_demonstration(path: Path) -> Demonstration:
             names the file.
     """
     entries = {"good": bool, "outcome": str}
-    samples, header = read_table(path, COLUMNS, kind="demonstration", version=FORMAT_VERSION, entries=entries)
+    samples, header = read_table(path, kind="demonstration", version=FORMAT_VERSION, entries=entries)
     good, text = header.pop("good"), header.pop("outcome")
     outcome, detail = parse_outcome(text)
     return Demonstration(samples=samples, good=good, outcome=outcome, metadata=header, detail=detail, source=str(path))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import lzma
 import math
 import tokenize
 import zipfile
@@ -49,15 +50,11 @@ def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
     where = f"member '{member.filename[:60]}'"
     if not member.filename.endswith(".npy"):
         raise ValueError(f"{where} is foreign; expected arrays (.npy)")
-    if member.flag_bits & 1:
-        raise ValueError(f"{where} is encrypted; expected plain arrays")
-    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise ValueError(f"{where} has compression {member.compress_type}, expected none or deflate")
     try:
         # A member never unpacks to more than its size in the directory, which is limited.
         with archive.open(member) as stream:
             content = stream.read(member.file_size + 1)
-    except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
+    except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError, EOFError, ValueError, RuntimeError) as error:
         raise ValueError(f"{where} is damaged ({error})") from error
     try:
         return _array(content)

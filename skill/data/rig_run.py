@@ -81,6 +81,7 @@ class RigRun:
         samples: DataFrame with exactly the columns ``RUN_COLUMNS``, one row a controller period.
         result: result of the trial (inserted, reason, time_s, depth_mm, peak forces, ...).
         metadata: geometry, resolved scenario, skill, versions.
+        source: file that it was read from, for error messages; empty for a run that was not read.
 
     Raises:
         ValueError: if the samples fail `validate_table`.
@@ -89,9 +90,10 @@ class RigRun:
     samples: pd.DataFrame
     result: dict[str, Any]
     metadata: dict[str, Any] = field(default_factory=dict)
+    source: str = ""
 
     def __post_init__(self) -> None:
-        validate_table(self.samples, RUN_COLUMNS, "rig run", min_rows=1)
+        validate_table(self.samples, RUN_COLUMNS, self.source or "rig run", min_rows=1)
 
     @property
     def outcome(self) -> Outcome:
@@ -111,14 +113,7 @@ def read_rig_run(path: Path) -> RigRun:
     Raises:
         ValueError: if the file is missing, damaged, changed, or of another kind or version. The message names the file.
     """
-    samples, header = read_table(
-        path,
-        RUN_COLUMNS,
-        kind="rig_run",
-        version=RUN_VERSION,
-        entries={"result": dict, "metadata": dict},
-        min_rows=1,
-    )
+    samples, header = read_table(path, kind="rig_run", version=RUN_VERSION, entries={"result": dict, "metadata": dict})
     result, metadata = header["result"], header["metadata"]
     names = metadata.get("state_names", [])
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
@@ -126,4 +121,4 @@ def read_rig_run(path: Path) -> RigRun:
     if not isinstance(result.get("reason"), str):
         raise ValueError(f"{path}: 'reason' of the result is {result.get('reason')!r:.60}, expected a text")
     PegHoleGeometry.find(metadata, str(path))
-    return RigRun(samples=samples, result=result, metadata=metadata)
+    return RigRun(samples=samples, result=result, metadata=metadata, source=str(path))

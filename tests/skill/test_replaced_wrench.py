@@ -72,12 +72,6 @@ def test_readings_that_no_longer_fit_are_kept_with_equal_probability():
     np.testing.assert_allclose(thirds, 1 / 3, atol=0.03)
 
 
-def test_shuffling_depends_on_the_readings_only():
-    one, same, other = (received("shuffled", numbered(60) + added) for added in (0.0, 0.0, 1e-3))
-    np.testing.assert_array_equal(one, same)
-    assert (np.floor(one) != np.floor(other)).any()
-
-
 @pytest.fixture
 def scenario(quick_scenario):
     quick_scenario.contact.engine = "exact"
@@ -107,12 +101,6 @@ def test_a_policy_that_uses_force_shows_it(scenario, skill):
         for use in REPLACED:
             n = min(len(runs[use]), len(runs["true"]))
             assert (runs[use][["pitch", "yaw"]][:n] != runs["true"][["pitch", "yaw"]][:n]).to_numpy().any(), use
-
-
-def test_scaled_by_one_is_the_measured_wrench(scenario, skill):
-    (result, run), (other, scaled) = (run_trial(resolved(scenario, use), skill, seed=1) for use in ("true", "scaled:1"))
-    pd.testing.assert_frame_equal(run.samples, scaled.samples, check_exact=True)
-    assert result.reason == other.reason
 
 
 def test_another_trial_in_the_same_diagram_shuffles_as_a_new_one_does(scenario, skill):

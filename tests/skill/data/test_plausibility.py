@@ -1,14 +1,11 @@
 """Wrong units and nonsense are refused with the likely unit; unusual devices and sizes are not."""
 
-import re
-
 import numpy as np
 import pytest
 
 from models.scenario import Scenario
 from models.validation import leaves
-from skill.data.demonstration import ACTIONS, Demonstration, read_demonstration, write_demonstration
-from tests.crafted_files import rewrite
+from skill.data.demonstration import ACTIONS, Demonstration
 from tests.trajectories import GEOMETRY, make_demonstration
 
 POSITIONS, FORCES, MOMENTS = ["x", "y", "z"], ["fx", "fy", "fz"], ["mx", "my", "mz"]
@@ -62,28 +59,12 @@ FAULTS = {
 }
 
 
-@pytest.fixture
-def path(tmp_path):
-    path = tmp_path / "demonstration.parquet"
-    write_demonstration(make_demonstration(), path)
-    return path
-
-
-def refusal(read, path):
-    with pytest.raises(ValueError, match=re.escape(f"{path}: ")) as caught:
-        read(path)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
-
-
 @pytest.mark.parametrize("fault", FAULTS)
-def test_an_implausible_demonstration_is_refused_with_the_likely_unit(path, fault):
+def test_an_implausible_demonstration_is_refused_with_the_likely_unit(fault):
     change, parts = FAULTS[fault]
-    message = refusal(read_demonstration, rewrite(path, "demonstration", change))
-    assert [part for part in parts if part not in message] == [], message
-    samples = change(make_demonstration().samples)
-    with pytest.raises(ValueError, match=r"^demonstration: "):
-        Demonstration(samples, True, "inserted", {"geometry": GEOMETRY})
+    with pytest.raises(ValueError, match=r"^demonstration: .+$") as caught:
+        Demonstration(change(make_demonstration().samples), True, "inserted", {"geometry": GEOMETRY})
+    assert [part for part in parts if part not in str(caught.value)] == []
 
 
 def test_a_gap_may_last_25_periods_of_a_slow_recording():
@@ -108,29 +89,20 @@ def test_wrong_units_are_found_without_the_sizes_too(demonstrations, fault):
         Demonstration(change(demonstrations[0].samples), True, "inserted")
 
 
-def test_a_boolean_column_holds_no_numbers():
-    with pytest.raises(ValueError, match="column 'fy' has type bool, expected numbers"):
-        Demonstration(make_demonstration().samples.assign(fy=True), True, "inserted")
-    with pytest.raises(ValueError, match="column 'fy' has type complex128, expected numbers"):
-        Demonstration(make_demonstration().samples.assign(fy=1j), True, "inserted")
-
-
 @pytest.mark.parametrize("outcome", ["diverged: a contact force of 1e+09 N", "failed: RuntimeError"])
 def test_a_simulation_that_broke_down_may_hold_anything(outcome):
     samples = scaled(make_demonstration().samples, [*POSITIONS, *FORCES], 1e7)
     assert Demonstration(samples, False, outcome).reason == outcome
 
 
-def test_a_peg_ten_times_larger_with_other_rates_and_forces_is_plausible(tmp_path):
+def test_a_peg_ten_times_larger_with_other_rates_and_forces_is_plausible():
     small = make_demonstration()
     lengths = [n for n in GEOMETRY if n != "facets"]
     geometry = {**GEOMETRY, **{n: 10.0 * GEOMETRY[n] for n in lengths}}
     samples = scaled(small.samples, [*POSITIONS, "ux", "uy", "uz"], 10.0)
     samples = scaled(scaled(samples, FORCES, 50.0), MOMENTS, 500.0)
     for rate in (0.2, 1.0, 5.0):  # 10 to 250 Hz
-        made = Demonstration(scaled(samples, ["time"], 1.0 / rate), True, "inserted", {"geometry": geometry})
-        write_demonstration(made, tmp_path / "large.parquet")
-        assert read_demonstration(tmp_path / "large.parquet").metadata["geometry"] == geometry
+        Demonstration(scaled(samples, ["time"], 1.0 / rate), True, "inserted", {"geometry": geometry})
 
 
 def test_a_small_gentle_peg_and_a_motionless_one_are_plausible():
@@ -140,11 +112,6 @@ def test_a_small_gentle_peg_and_a_motionless_one_are_plausible():
     Demonstration(scaled(samples, MOMENTS, 0.01), True, "inserted", {"geometry": geometry})
     still = make_demonstration().samples.assign(**dict.fromkeys([*FORCES, *MOMENTS, *ACTIONS, "dangle", "angle"], 0.0))
     Demonstration(still, False, "given up", {"geometry": GEOMETRY})
-
-
-def test_a_dropout_of_some_samples_is_plausible():
-    samples = make_demonstration().samples
-    Demonstration(samples.drop(index=range(30, 60)).reset_index(drop=True), True, "inserted", {"geometry": GEOMETRY})
 
 
 HIGHEST = {path: limits.high for path, _, limits in leaves(Scenario())}
