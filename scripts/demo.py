@@ -142,7 +142,7 @@ def main(
 
 def compile_loop(skill_file: Path, scenario: str) -> None:
     """Performs the beginning of a trial, so that the loop is compiled before several processes need it."""
-    from experiments.trial.run_trial import perform_trial
+    from experiments.trial.run_trial import run_trial
     from experiments.trial.trial_set import trial_scenario
     from interfaces.terminal import busy
     from skill.manipulation_skill import ManipulationSkill
@@ -150,7 +150,7 @@ def compile_loop(skill_file: Path, scenario: str) -> None:
     chosen = read_scenario(scenario, "exact")
     chosen.trial.time_limit = 0.05
     with busy("compiling, once on this machine, about two minutes"):
-        perform_trial(trial_scenario(chosen, number=0), ManipulationSkill.load(skill_file), number=0)
+        run_trial(trial_scenario(chosen, number=0), ManipulationSkill.load(skill_file), seed=0)
 
 
 def starting_tilt(recording: Path) -> float:

@@ -12,8 +12,8 @@ import typer
 from scripts.command_line import Jobs, parse_path, path_option
 
 if TYPE_CHECKING:
-    from experiments.sweep.blocks import Block
-    from experiments.sweep.cells import Cell, DemonstrationSet, PolicyRecipe
+    from experiments.sweep.cell_files import CellFile
+    from experiments.sweep.cells import DemonstrationSet, PolicyRecipe
     from experiments.sweep.policy_store import PolicyStore
     from experiments.sweep.specification import Specification
 
@@ -113,7 +113,7 @@ class SweepPlan:
     Attributes:
         specification: of the sweep.
         wanted: number of trials that it asks for.
-        todo: cells and blocks that lack trials.
+        todo: files of cells that lack trials.
         missing: number of these trials.
         recipes: of the policies that perform them and have to be made first.
         sets: of demonstrations that those need.
@@ -122,7 +122,7 @@ class SweepPlan:
 
     specification: Specification
     wanted: int
-    todo: list[tuple[Cell, Block]]
+    todo: list[CellFile]
     missing: int
     recipes: list[PolicyRecipe]
     sets: list[DemonstrationSet]
@@ -136,19 +136,20 @@ def plan_sweep(path: Path, out: Path, store: PolicyStore) -> SweepPlan:
         ValueError: if the specification is not valid, or a file of the results is damaged.
         OSError: if the specification cannot be read.
     """
+    from experiments.sweep.cell_files import files_of
     from experiments.sweep.cells import cells_of
     from experiments.sweep.specification import read_specification
 
     specification = read_specification(path)
     cells = cells_of(specification, f"sweep {path}")
-    todo = [(cell, block) for cell in cells for block in cell.blocks(out) if block.missing]
-    recipes = [recipe for recipe in _distinct(cell.recipe for cell, _ in todo) if not store.is_made(recipe)]
+    todo = [file for cell in cells for file in files_of(cell, out) if file.missing]
+    recipes = [recipe for recipe in _distinct(file.cell.recipe for file in todo) if not store.is_made(recipe)]
     sets = _distinct(recipe.demonstrations for recipe in recipes if recipe.demonstrations is not None)
     return SweepPlan(
         specification=specification,
         wanted=sum(len(cell.numbers) for cell in cells),
         todo=todo,
-        missing=sum(len(block.missing) for _, block in todo),
+        missing=sum(len(file.missing) for file in todo),
         recipes=recipes,
         sets=sets,
         unrecorded=store.unrecorded(sets),
@@ -161,9 +162,9 @@ def cost_text(plan: SweepPlan, jobs: int) -> str:
 
     made = [recipe for recipe in plan.recipes if recipe.plan.make is None]
     cpu = DEMONSTRATION_CPU * plan.unrecorded + POLICY_CPU * len(made)
-    for cell, block in plan.todo:
-        host = LOOP if cell.engine == "exact" and cell.recipe.plan.imitates else cell.engine
-        cpu += TRIAL_CPU[host] * len(block.missing)
+    for file in plan.todo:
+        is_looped = file.cell.engine == "exact" and file.cell.recipe.plan.imitates
+        cpu += TRIAL_CPU[LOOP if is_looped else file.cell.engine] * len(file.missing)
     minutes = cpu * machine_speed() / REFERENCE_SPEED / 60.0
     counts = {"trials": plan.missing, "demonstrations": plan.unrecorded, "policies": len(plan.recipes)}
     parts = [f"{count:,} {name}" for name, count in counts.items() if count]

@@ -6,16 +6,13 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 from experiments.demonstration_set import Request, requests
 from experiments.provenance import versions
-from experiments.sweep.blocks import Block, blocks_of
-from experiments.sweep.code_digest import code_digest, values_digest
-from experiments.sweep.combinations import Combination
-from experiments.sweep.policies import check_imports, file_digest, policy_digest
-from experiments.sweep.specification import BASE, PolicyPlan, Specification, plan_in
+from experiments.sweep.code_digest import Requirements, code_digest, values_digest
+from experiments.sweep.policies import check_imports, file_digest, requirements_of
+from experiments.sweep.specification import BASE, Combination, PolicyPlan, Specification, plan_in
 from experiments.trial.trial_set import TrialSet, trial_scenario
 from models.scenario import Geometry, Scenario
 from skill.data.geometry import PegHoleGeometry, fit_difference
@@ -66,7 +63,7 @@ class PolicyRecipe:
         demonstrations: what it learns from, or None.
         scenario: unresolved, of the cell in which it acts; of the first one if it does not depend on it.
         trial_set: which trials it performs; likewise.
-        digest: of what decides it.
+        made_from: what else decides it, as JSON values: the skill file, the demonstrations, or the scenario.
     """
 
     plan: PolicyPlan
@@ -74,7 +71,20 @@ class PolicyRecipe:
     demonstrations: DemonstrationSet | None
     scenario: Scenario
     trial_set: TrialSet
-    digest: str
+    made_from: dict[str, Any]
+
+    @cached_property
+    def requirements(self) -> Requirements:
+        """What a worker needs that makes it, or performs trials with it."""
+        return requirements_of(self.plan)
+
+    @cached_property
+    def digest(self) -> str:
+        """The digest of what decides it, the code and the versions of packages included."""
+        plan = self.plan
+        select = plan.demonstrations.select if plan.demonstrations else None
+        known = {"carried_over": plan.carried_over, "make": plan.make, "options": plan.options, "select": select}
+        return values_digest({**known, "from": self.made_from, "needs": self.requirements})
 
 
 @dataclass(frozen=True)
@@ -108,22 +118,9 @@ class Cell:
     @cached_property
     def digest(self) -> str:
         """The digest of what decides the trials but their number, the code and the versions of packages included."""
-        known = {
-            **{
-                "scenario": self.scenario,
-                "trial_set": self.trial_set.value,
-                "policy": self.recipe.digest,
-                "name": self.policy,
-            },
-            **{"factors": self.factors, "code": code_digest(), "versions": versions()},
-        }
-        return values_digest(known)
-
-    def blocks(self, results: Path) -> list[Block]:
-        """Returns the files of the rows, within a folder of results."""
-        return blocks_of(
-            results, self.digest, self.numbers, policy=self.policy, trial_set=self.trial_set, engine=self.engine
-        )
+        known: dict[str, Any] = {"policy": self.recipe.digest, "name": self.policy, "trial_set": self.trial_set.value}
+        known |= {"scenario": self.scenario, "factors": self.factors}
+        return values_digest({**known, "code": code_digest(), "versions": versions()})
 
 
 def cells_of(specification: Specification, where: str) -> list[Cell]:
@@ -138,13 +135,10 @@ def cells_of(specification: Specification, where: str) -> list[Cell]:
     """
     found: list[Cell] = []
     for plan in specification.policies:
-        try:
-            check_imports(plan)
-        except ValueError as error:
-            raise ValueError(f"{where}: {error}") from error
+        check_imports(plan, where)
     given = {plan.name: ManipulationSkill.load(plan.skill) for plan in specification.policies if plan.skill is not None}
     for combination in specification.combinations:
-        scenario = specification.scenario_with(combination.scenario_overrides(), where)
+        scenario = specification.scenario_with(combination.scenario, where)
         for trial_set in specification.trial_sets:
             try:
                 trial_scenario(scenario, number=specification.first, trial_set=trial_set)
@@ -172,15 +166,17 @@ def _recipes(
 ) -> Iterator[tuple[PolicyRecipe, list[int]]]:
     """Yields the recipes of a plan, one for each set of demonstrations, and the numbers of the policies' trials."""
     numbers = list(range(specification.first, specification.first + plan.trials))
-    acting = {"scenario": scenario} | ({} if plan.for_all_trial_sets else {"trial_set": trial_set.value})
+    acting: dict[str, Any] = {"scenario": scenario} | (
+        {} if plan.for_all_trial_sets else {"trial_set": trial_set.value}
+    )
     teaching = plan_in(plan, combination, where)
     if teaching is None:
         if given is not None and plan.skill is not None:
             acting = {"skill": file_digest(plan.skill)}
             _require_geometry(plan, scenario, PegHoleGeometry.find(given.metadata_, "the skill"), where)
-        yield PolicyRecipe(plan, given, None, scenario, trial_set, policy_digest(plan, acting)), numbers
+        yield PolicyRecipe(plan, given, None, scenario, trial_set, acting), numbers
         return
-    changed = {} if teaching.demonstrated_in == BASE else combination.scenario_overrides()
+    changed = {} if teaching.demonstrated_in == BASE else combination.scenario
     shown = specification.scenario_with({**changed, **teaching.scenario}, where)
     _require_geometry(plan, scenario, shown.geometry, where)
     taught = replace(plan, demonstrations=teaching)
@@ -191,7 +187,7 @@ def _recipes(
             made_from |= acting
         own = [n for n in numbers if n % len(teaching.sets) == k] if teaching.divided else numbers
         if own:
-            yield PolicyRecipe(taught, None, demonstrations, scenario, trial_set, policy_digest(taught, made_from)), own
+            yield PolicyRecipe(taught, None, demonstrations, scenario, trial_set, made_from), own
 
 
 def _require_geometry(

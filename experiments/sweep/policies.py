@@ -7,7 +7,7 @@ import importlib
 import inspect
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import packages_distributions
 from pathlib import Path
@@ -17,8 +17,8 @@ import numpy as np
 from joblib.externals.loky.backend.reduction import dumps
 from threadpoolctl import threadpool_limits
 
-from experiments.provenance import version_of, versions
-from experiments.sweep.code_digest import code_digest, own_packages, values_digest
+from experiments.provenance import version_of
+from experiments.sweep.code_digest import Requirements, own_packages
 from experiments.sweep.specification import PolicyPlan
 from experiments.trial.trial_set import TrialSet
 from models.scenario import Scenario
@@ -107,11 +107,11 @@ def learn(
     return learnt
 
 
-def check_imports(plan: PolicyPlan) -> None:
+def check_imports(plan: PolicyPlan, where: str) -> None:
     """Checks that what a plan names can be imported, and that what makes the policy knows its options.
 
     Raises:
-        ValueError: naming the policy and what is wrong.
+        ValueError: naming ``where``, the policy and what is wrong.
     """
     try:
         for path in named_by(plan):
@@ -123,7 +123,7 @@ def check_imports(plan: PolicyPlan) -> None:
             kind = imported(plan.options["skill"]) if "skill" in plan.options else ManipulationSkill
             inspect.signature(kind).bind_partial(**options)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"policies.{plan.name}: {error}") from error
+        raise ValueError(f"{where}: policies.{plan.name}: {error}") from error
 
 
 def make_policy(plan: PolicyPlan, training_context: TrainingContext) -> MadePolicy:
@@ -161,33 +161,13 @@ def chosen(plan: PolicyPlan, paths: list[Path]) -> list[Demonstration]:
     return found
 
 
-def policy_digest(plan: PolicyPlan, made_from: Mapping[str, Any]) -> str:
-    """Returns the digest of what decides a policy: its plan, what it is made from, and the code of its own modules.
-
-    Args:
-        plan: of the policy.
-        made_from: what else decides it, as JSON values: the skill file, the demonstrations, or the scenario.
-    """
-    select = plan.demonstrations.select if plan.demonstrations else None
-    return values_digest(
-        {
-            **{"carried_over": plan.carried_over, "make": plan.make, "options": plan.options, "select": select},
-            **{"from": dict(made_from), "versions": versions()},
-            "code": [code_digest(named_own(plan)), named_installed(plan)],
-        }
-    )
-
-
-def named_own(plan: PolicyPlan) -> tuple[str, ...]:
-    """Returns the packages of this project and of the user that a plan names."""
-    return own_packages(named_by(plan))
-
-
-def named_installed(plan: PolicyPlan) -> dict[str, str]:
-    """Returns the versions of the installed distributions that hold what a plan names."""
-    tops = {path.partition(":")[0].split(".")[0] for path in named_by(plan)}.difference(named_own(plan))
+def requirements_of(plan: PolicyPlan) -> Requirements:
+    """Returns what work with the policy of a plan requires of a worker: what it names, beside what all trials need."""
+    own = own_packages(named_by(plan))
+    tops = {path.partition(":")[0].split(".")[0] for path in named_by(plan)}.difference(own)
     distributions = packages_distributions() if tops else {}
-    return {name: version_of(name) for name in sorted({n for top in tops for n in distributions.get(top, ())})}
+    names = sorted({name for top in tops for name in distributions.get(top, ())})
+    return Requirements.of(own, {name: version_of(name) for name in names})
 
 
 def named_by(plan: PolicyPlan) -> list[str]:

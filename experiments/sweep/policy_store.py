@@ -14,17 +14,15 @@ from experiments.demonstration_set import Request, demonstrate
 from experiments.outputs.output_set import DEMONSTRATIONS, OutputSet, SetIndex, open_set
 from experiments.provenance import versions
 from experiments.sweep.cells import DemonstrationSet, PolicyRecipe
-from experiments.sweep.code_digest import Requirements, code_digest
+from experiments.sweep.code_digest import Requirements, code_digest, own_packages
 from experiments.sweep.policies import (
     MadePolicy,
     TrainingContext,
     chosen,
     imported,
     make_policy,
-    named_installed,
-    named_own,
+    named_by,
 )
-from experiments.sweep.specification import PolicyPlan
 from experiments.sweep.trial_files import SETS, SKILLS
 from experiments.worker_pool import LostWorkerError, WorkerPool
 from models.scenario import dump_scenario
@@ -38,11 +36,6 @@ Advance = Callable[[str], None]
 R = TypeVar("R")
 
 
-def requirements_of(plan: PolicyPlan) -> Requirements:
-    """Returns what work with the policy of a plan requires of a worker."""
-    return Requirements.of(named_own(plan), named_installed(plan))
-
-
 def recorded(
     shown: DemonstrationSet, request: Request, requirements: Requirements
 ) -> tuple[DemonstrationSet, Request, Demonstration]:
@@ -51,11 +44,9 @@ def recorded(
     return shown, request, demonstrate(shown.scenario, request, seed=shown.seed)
 
 
-def made(
-    recipe: PolicyRecipe, demonstrations: list[Demonstration], requirements: Requirements
-) -> tuple[PolicyRecipe, MadePolicy]:
+def made(recipe: PolicyRecipe, demonstrations: list[Demonstration]) -> tuple[PolicyRecipe, MadePolicy]:
     """Makes one policy, in a worker, and returns it with its recipe."""
-    requirements.check()
+    recipe.requirements.check()
     seed = 0 if recipe.demonstrations is None else recipe.demonstrations.seed
     trial_set = None if recipe.plan.for_all_trial_sets else recipe.trial_set
     return recipe, make_policy(recipe.plan, TrainingContext(recipe.scenario, trial_set, demonstrations, seed))
@@ -116,11 +107,7 @@ class PolicyStore:
             ValueError: if a policy cannot be made.
             OSError: if a file cannot be written.
         """
-        tasks = (
-            partial(made, recipe, self._demonstrations(recipe), requirements_of(recipe.plan))
-            for recipe in recipes
-            if not self.is_made(recipe)
-        )
+        tasks = (partial(made, recipe, self._demonstrations(recipe)) for recipe in recipes if not self.is_made(recipe))
         for recipe, policy in _results(pool, tasks, "a policy was made"):
             self._keep(recipe, policy)
             advance(f"{recipe.plan.name}: made")
@@ -193,7 +180,7 @@ def _remade(law: dict[str, Any], recipe: PolicyRecipe) -> RigPolicy:
         ValueError: if it is not, or the parameters are not those of the class.
     """
     package = law["class"].partition(".")[0]
-    if package not in named_own(recipe.plan):
+    if package not in own_packages(named_by(recipe.plan)):
         raise ValueError(f"policies.{recipe.plan.name}: its notes name {law['class']}, which is not in its package")
     try:
         remade: RigPolicy = imported(law["class"])(**law["parameters"])

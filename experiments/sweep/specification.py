@@ -16,13 +16,15 @@ For example:
 """
 
 # Without the future import of annotations: `check_document` reads the types of the fields.
+import itertools
+import json
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from experiments.demonstration_set import MAX_DEMONSTRATIONS
-from experiments.sweep.combinations import Combination, Overrides, make_combinations
 from experiments.trial.trial_set import TrialSet
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.document import brief, read_document, read_text
@@ -31,6 +33,19 @@ from models.validation import Violation, check_document, copied, fill, raise_fir
 
 MAX_TRIALS = 1_000_000
 MAX_NAME = 80  # characters of the name of a policy, which names a folder
+MAX_COMBINATIONS = 1_000
+
+TRAINING = "training."
+"""Begins the keys that change how a policy is made; the others are keys of the scenario."""
+
+UNIFORM, LOG_UNIFORM = RANGES = ("uniform", "log_uniform")
+"""How numbers are drawn from a range."""
+
+Overrides = dict[str, Any]
+"""Values by their dotted keys, such as ``contact.friction``."""
+
+Level = tuple[Any, Overrides]
+"""A value of a factor, as the results have it, and what it changes."""
 
 BASE, CELL = PLACES = ("base", "cell")
 """Where is demonstrated: in the scenario of the sweep, or in that of each cell, where a policy acts."""
@@ -40,6 +55,36 @@ RULES: dict[str, Callable[[Scenario], Scenario]] = {
     "start": start_of_clearance,
 }
 """What of a scenario can follow its clearance."""
+
+
+@dataclass(frozen=True)
+class Combination:
+    """One combination of levels.
+
+    Attributes:
+        factors: value of each factor.
+        scenario: what the levels change in the scenario.
+        training: what they change in the making of policies, without the prefix of the keys.
+    """
+
+    factors: dict[str, Any]
+    scenario: Overrides
+    training: Overrides
+
+    @classmethod
+    def of(cls, levels: dict[str, Level]) -> "Combination":
+        """Returns the combination of a level of each factor."""
+        changed = {key: value for _, overrides in levels.values() for key, value in overrides.items()}
+        return cls(
+            factors={name: value for name, (value, _) in levels.items()},
+            scenario={key: value for key, value in changed.items() if not key.startswith(TRAINING)},
+            training={key[len(TRAINING) :]: value for key, value in changed.items() if key.startswith(TRAINING)},
+        )
+
+    @property
+    def label(self) -> str:
+        """The factors as JSON, the same text for the same factors."""
+        return json.dumps(self.factors, sort_keys=True, default=str)
 
 
 @dataclass(frozen=True)
@@ -304,7 +349,7 @@ def plan_in(policy: PolicyPlan, combination: Combination, where: str) -> Demonst
     Raises:
         ValueError: if a key is unknown, or a value is not allowed.
     """
-    plan, overrides = policy.demonstrations, combination.training_overrides()
+    plan, overrides = policy.demonstrations, combination.training
     if plan is None or not overrides:
         return plan
     return read_plan({**vars(plan), **overrides}, where, "training")
@@ -325,3 +370,109 @@ def overridden(scenario: Scenario, overrides: Overrides, where: str) -> Scenario
         fill(chosen, document)
     validate_scenario(chosen, where)
     return chosen
+
+
+def make_combinations(vary: dict[str, Any], design: str | dict[str, Any], where: str) -> list[Combination]:
+    """Returns the combinations of a design.
+
+    A key of the scenario, or ``training.`` and a key of ``demonstrations``, takes a list of values, or ``{uniform: [a,
+    b]}`` or ``{log_uniform: [a, b]}``. Any other name takes named levels, each with the keys that it sets together:
+    ``{wide: {geometry.hole_radius: 0.0114, start.tilt_range: 0.1}}``.
+
+    The random design is a scrambled Sobol sequence: a larger number of samples begins with the same ones. Combinations
+    of listed levels that are drawn again count once.
+
+    Args:
+        vary: the factors by their names.
+        design: ``grid``, or ``{random: N, seed: S}``.
+        where: name of the file, for messages.
+
+    Raises:
+        ValueError: naming the key and what is wrong.
+    """
+    raise_first(_factor_violations(vary), where)
+    raise_first(_design_violations(vary, design), where)
+    found: Iterable[Iterable[Level]]
+    if isinstance(design, dict):
+        from scipy.stats import qmc  # slow to import, and most designs are grids
+
+        samples = design["random"]
+        # A power of two keeps the sequence balanced; the first samples of it are used.
+        shares = qmc.Sobol(len(vary), seed=design.get("seed", 0)).random_base2(math.ceil(math.log2(samples)))[:samples]
+        found = (
+            [_level_at(*factor, float(share)) for factor, share in zip(vary.items(), row, strict=True)]
+            for row in shares
+        )
+    else:
+        found = itertools.product(*(_levels(name, values) for name, values in vary.items()))
+    combinations = [Combination.of(dict(zip(vary, levels, strict=True))) for levels in found]
+    return list({combination.label: combination for combination in combinations}.values())
+
+
+def _levels(name: str, values: Any) -> list[Level]:
+    """The levels of a factor; none of a range."""
+    if isinstance(values, list):
+        return [(value, {name: value}) for value in values]
+    return [] if _is_range(values) else list(values.items())
+
+
+def _is_range(values: Any) -> bool:
+    return isinstance(values, dict) and len(values) == 1 and next(iter(values)) in RANGES
+
+
+def _level_at(name: str, values: Any, share: float) -> Level:
+    """The level at a share in [0, 1) of the list or range of a factor."""
+    if not _is_range(values):
+        levels = _levels(name, values)
+        return levels[int(share * len(levels))]
+    ((kind, limits),) = values.items()
+    low, high = map(float, limits)
+    value = low * (high / low) ** share if kind == LOG_UNIFORM else low + (high - low) * share
+    return value, {name: value}
+
+
+def _factor_violations(vary: dict[str, Any]) -> Iterator[Violation]:
+    """Checks the factors: lists of values, ranges, or named levels."""
+    known: dict[str, str] = {}
+    for name, values in vary.items():
+        path = f"vary.{name}"
+        match values:
+            case [_, *_]:
+                if any(values.count(value) > 1 for value in values):
+                    yield Violation(path, brief(values), "each value once")
+            case {"uniform": limits} | {"log_uniform": limits} if len(values) == 1:
+                numbers = [limit for limit in limits if type(limit) in (int, float)] if isinstance(limits, list) else []
+                if not (
+                    len(numbers) == len(limits) == 2 and all(map(math.isfinite, numbers)) and numbers[0] < numbers[1]
+                ):
+                    yield Violation(path, brief(limits), "two numbers, the smaller first")
+                elif LOG_UNIFORM in values and numbers[0] <= 0:
+                    yield Violation(path, brief(limits), "two numbers above 0")
+            case {} if values and all(isinstance(overrides, dict) and overrides for overrides in values.values()):
+                pass
+            case _:
+                levels = "levels with the keys that they set"
+                expected = f"a list of values, one of {list(RANGES)} with its limits, or {levels}"
+                yield Violation(path, brief(values), expected)
+        for key in {key for _, overrides in _levels(name, values) for key in overrides} or {name}:
+            if known.setdefault(key, name) != name:
+                yield Violation("vary", f"{key} in two factors, the second {name}", "each key once")
+
+
+def _design_violations(vary: dict[str, Any], design: Any) -> Iterator[Violation]:
+    if isinstance(design, dict):
+        for name, least, most in (("random", 1, MAX_COMBINATIONS), ("seed", 0, 2**32 - 1)):
+            number: Any = {"seed": 0, **design}.get(name)
+            if type(number) is not int or not least <= number <= most:
+                yield Violation(f"design.{name}", brief(number), f"{least} to {most}")
+        if not set(design) <= {"random", "seed"}:
+            yield Violation("design", brief(design), "the keys random and seed only")
+        if not vary:
+            yield Violation("design", "random", "grid, because nothing is varied")
+    elif design != "grid":
+        yield Violation("design", brief(design), "grid, or {random: N, seed: S}")
+    else:
+        for name in (name for name, values in vary.items() if _is_range(values)):
+            yield Violation(f"vary.{name}", "a range", "a list of values in a grid")
+        if math.prod(len(_levels(name, values)) for name, values in vary.items()) > MAX_COMBINATIONS:
+            yield Violation("vary", f"a grid of more than {MAX_COMBINATIONS:,} combinations", "fewer")

@@ -2,49 +2,41 @@
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from experiments.sweep.blocks import Row
+from experiments.provenance import versions
+from experiments.sweep.cell_files import Row
+from experiments.sweep.cells import Cell
+from experiments.sweep.code_digest import code_digest
+from experiments.sweep.policies import MadePolicy
 from experiments.sweep.trial_files import MEASURED_NUMBERS
 from experiments.trial.run_trial import perform_trial
 from experiments.trial.trial_result import COUNTS, TrialResult
-from experiments.trial.trial_set import TrialSet, trial_scenario
 from models.scenario import Scenario, dump_scenario
-from skill.policy.rig_policy import RigPolicy
 
 
-def perform(
-    scenario: Scenario, trial_set: TrialSet, policy: RigPolicy, number: int, known: Mapping[str, Any], *, cell: str
-) -> Row:
-    """Performs one trial and returns its row.
-
-    Args:
-        scenario: unresolved.
-        trial_set: which trials.
-        policy: that acts.
-        number: of the trial.
-        known: further columns, the same for all trials of the cell.
-        cell: digest of the cell, whose trials may share a rig.
+def perform(cell: Cell, made: MadePolicy, number: int) -> Row:
+    """Performs one trial of a cell and returns its row; the trials of a cell may share a rig.
 
     Raises:
         ValueError: if the scenario has no such trial, or the policy is made for another peg or hole.
     """
-    began, cpu = datetime.now(UTC), time.process_time()
+    began, cpu, taught_by = datetime.now(UTC), time.process_time(), cell.recipe.demonstrations
     with threadpool_limits(1):
-        resolved = trial_scenario(scenario, number=number, trial_set=trial_set)
-        result = perform_trial(resolved, policy, number=number, cell=cell).result
+        drawn, result = perform_trial(
+            cell.scenario, made.policy, number=number, trial_set=cell.trial_set, cell=cell.digest
+        )
     return {
         **result_columns(result),
-        **scenario_columns(resolved),
-        **known,
-        "states": len(policy.state_names()),
-        "cpu_s": time.process_time() - cpu,
-        "began": began.isoformat(timespec="seconds"),
+        **scenario_columns(drawn),
+        **{"factors": cell.factors, "skill": cell.recipe.digest, "states": len(made.policy.state_names())},
+        **{"demonstrations": made.demonstrations, "demonstration_set": None if taught_by is None else taught_by.seed},
+        **{"train_s": made.train_s, "query_ms": made.query_ms, "cpu_s": time.process_time() - cpu},
+        **{"code": code_digest(), "versions": json.dumps(versions()), "began": began.isoformat(timespec="seconds")},
     }
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from functools import partial
 
 from experiments.trial.diagram_trial import kept_rig, run_rig
-from experiments.trial.ended_trial import EndedTrial
 from experiments.trial.loop_trial import rolled_out
 from experiments.trial.trial_result import TrialResult
 from experiments.trial.trial_set import TrialSet, trial_scenario
@@ -34,25 +33,30 @@ def run_trial(scenario: Scenario, skill: RigPolicy, *, seed: int) -> tuple[Trial
         scenario: resolved (see `resolve_scenario`).
         skill: the policy that controls the rig.
         seed: number of the trial, for the record.
-    """
-    ended = perform_trial(scenario, skill, number=seed)
-    return ended.result, ended.record(skill)
-
-
-def perform_trial(scenario: Scenario, policy: RigPolicy, *, number: int, cell: object = None) -> EndedTrial:
-    """Performs one trial.
-
-    Args:
-        scenario: resolved.
-        policy: that acts.
-        number: of the trial, for the record.
-        cell: see `kept_rig`; None builds a new rig.
 
     Raises:
         ValueError: if the policy was made for another peg or hole.
     """
-    ended = rolled_out(scenario, policy, number=number)
-    if ended is None:
-        rig = MakeRig(scenario, policy) if cell is None else kept_rig(cell, scenario, policy)
-        ended = run_rig(rig, scenario, seed=number)
-    return ended
+    ended = rolled_out(scenario, skill, number=seed) or run_rig(MakeRig(scenario, skill), scenario, seed=seed)
+    return ended.result, ended.record(skill)
+
+
+def perform_trial(
+    scenario: Scenario, policy: RigPolicy, *, number: int, trial_set: TrialSet, cell: object
+) -> tuple[Scenario, TrialResult]:
+    """Draws and performs a trial of a scenario with ranges; returns its resolved scenario and its result.
+
+    Args:
+        scenario: with ranges.
+        policy: that acts.
+        number: of the trial.
+        trial_set: to which it belongs.
+        cell: see `kept_rig`.
+
+    Raises:
+        ValueError: if the scenario has no such trial, or the policy was made for another peg or hole.
+    """
+    drawn = trial_scenario(scenario, number=number, trial_set=trial_set)
+    ended = rolled_out(drawn, policy, number=number)
+    ended = ended or run_rig(kept_rig(cell, drawn, policy), drawn, seed=number)
+    return drawn, ended.result

@@ -93,7 +93,7 @@ def test_all_that_decides_a_trial_changes_its_key(cell, changes):
 
 
 def test_policy_code_and_versions_change_the_key_too(cell, monkeypatch):
-    assert replace(cell, recipe=replace(cell.recipe, digest="q" * 16)).digest != cell.digest
+    assert replace(cell, recipe=replace(cell.recipe, made_from={"skill": "q" * 16})).digest != cell.digest
     named = replace(cell.recipe, plan=replace(cell.recipe.plan, name="shove"))
     assert replace(cell, recipe=named).digest != cell.digest
     with monkeypatch.context() as patched:

@@ -6,8 +6,7 @@ from importlib.metadata import version
 import pytest
 
 from experiments.sweep.code_digest import PACKAGES, Requirements, code_digest, own_packages, values_digest
-from experiments.sweep.policies import named_installed
-from experiments.sweep.policy_store import requirements_of
+from experiments.sweep.policies import requirements_of
 from experiments.sweep.specification import DemonstrationPlan, PolicyPlan
 
 
@@ -61,7 +60,7 @@ def test_a_policy_requires_the_packages_that_it_names():
     assert found.code != plain.code
     assert found.versions["joblib"] == version("joblib")
     learn = PolicyPlan("a", None, None, {"regressor": "sklearn.linear_model:Ridge"}, DemonstrationPlan(), False)
-    assert named_installed(learn) == {"scikit-learn": version("scikit-learn")}
+    assert requirements_of(learn).versions == {**plain.versions, "scikit-learn": version("scikit-learn")}
 
 
 @pytest.mark.parametrize(

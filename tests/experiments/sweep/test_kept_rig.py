@@ -2,6 +2,9 @@
 
 import pytest
 
+from experiments.sweep.cells import Cell, PolicyRecipe
+from experiments.sweep.policies import MadePolicy
+from experiments.sweep.specification import PolicyPlan
 from experiments.sweep.trial_rows import perform, result_columns
 from experiments.trial import diagram_trial
 from experiments.trial.run_trial import run_trial
@@ -32,12 +35,15 @@ def short_scenario(engine):
 
 @pytest.mark.parametrize("engine", ["drake", "exact"])
 def test_trials_of_one_cell_share_a_rig_and_equal_those_of_new_rigs(built, engine):
-    scenario, trial_set = short_scenario(engine), TrialSet.HARD
+    scenario, made = short_scenario(engine), MadePolicy(Push(), None, None, None)
+    plan = PolicyPlan("push", None, "tests.experiments.sweep.pushes:push", {}, None, False)
+    recipe = PolicyRecipe(plan, None, None, scenario, TrialSet.HARD, {})
+    one, other = (Cell(recipe, scenario, TrialSet.HARD, factors, []) for factors in ("{}", '{"a": 1}'))
     for number in (84100, 84101, 84100):
-        row = perform(scenario, trial_set, Push(), number, {}, cell="one")
-        new, _ = run_trial(trial_scenario(scenario, number=number, trial_set=trial_set), Push(), seed=number)
+        row = perform(one, made, number)
+        new, _ = run_trial(trial_scenario(scenario, number=number, trial_set=TrialSet.HARD), Push(), seed=number)
         expected = result_columns(new)
         assert {name: row[name] for name in expected} == pytest.approx(expected, nan_ok=True, abs=0)
     assert built == [engine]
-    perform(scenario, trial_set, Push(), 84100, {}, cell="another")
+    perform(other, made, 84100)
     assert built == [engine] * 2

@@ -17,7 +17,7 @@ def plan(make, **options):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        (plan(f"{PUSHES}:shove"), "policies.push: .*pushes:shove: cannot be imported"),
+        (plan(f"{PUSHES}:shove"), "sweep: policies.push: .*pushes:shove: cannot be imported"),
         (plan("no_such_package:push"), "policies.push: no_such_package:push: cannot be imported"),
         (plan(f"{PUSHES}:unwilling", speed=3), "policies.push: .*speed"),
         (plan(None, regresor="json:loads"), "policies.push: .*regresor"),
@@ -26,7 +26,7 @@ def plan(make, **options):
 )
 def test_what_cannot_be_imported_or_is_unknown_is_named_before_anything_is_made(wrong, message):
     with pytest.raises(ValueError, match=message) as error:
-        check_imports(wrong)
+        check_imports(wrong, "sweep")
     assert "\n" not in str(error.value)
 
 

@@ -8,8 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.sweep.cells import cells_of
-from experiments.sweep.combinations import make_combinations
-from experiments.sweep.specification import DemonstrationPlan, overridden, plan_in, read_specification
+from experiments.sweep.specification import (
+    DemonstrationPlan,
+    make_combinations,
+    overridden,
+    plan_in,
+    read_specification,
+)
 from experiments.trial.trial_set import TrialSet
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.scenario import load_scenario
@@ -33,15 +38,15 @@ def test_a_grid_has_every_combination_in_the_order_of_the_file():
         *((0.1, 0.002), (0.1, 0.004), (0.1, 0.006)),
         *((0.3, 0.002), (0.3, 0.004), (0.3, 0.006)),
     ]
-    assert found[1].overrides == {"contact.friction": 0.1, "start.height": 0.004}
+    assert found[1].scenario == {"contact.friction": 0.1, "start.height": 0.004}
 
 
 def test_a_named_level_sets_several_keys_together():
     wide = {"geometry.hole_radius": 0.0114, "training.good": 8}
     (cell,) = cells({"hole": {"wide": wide}})
     assert cell.factors == {"hole": "wide"}
-    assert cell.scenario_overrides() == {"geometry.hole_radius": 0.0114}
-    assert cell.training_overrides() == {"good": 8}
+    assert cell.scenario == {"geometry.hole_radius": 0.0114}
+    assert cell.training == {"good": 8}
     assert json.loads(cell.label) == {"hole": "wide"}
 
 
@@ -134,7 +139,7 @@ policies:
 
 def test_a_varied_key_has_the_type_of_its_field_and_is_no_group(tmp_path):
     found = read(tmp_path, PLAIN + "vary: {sensor.force_noise: [[1, 2, 3]], contact.friction: [1]}\n")
-    scenario = found.scenario_with(found.combinations[0].scenario_overrides(), "sweep")
+    scenario = found.scenario_with(found.combinations[0].scenario, "sweep")
     assert [type(value) for value in (scenario.contact.friction, *scenario.sensor.force_noise)] == [float] * 4
     with pytest.raises(ValueError, match="sweep: sensor is 1, expected keys with values"):
         cells_of(read(tmp_path, PLAIN + "vary: {sensor: [1, 2]}\n"), "sweep")
@@ -201,8 +206,8 @@ def test_numerics_and_start_follow_the_clearance_by_rule(tmp_path):
     text = PLAIN + "vary: {geometry.hole_radius: [0.010025, 0.01005]}\n"
     plain, ruled = read(tmp_path, text), read(tmp_path, text + "clearance_rules: [numerics, start]\n")
     for cell in plain.combinations:
-        own, followed = (s.scenario_with(cell.scenario_overrides(), "sweep") for s in (plain, ruled))
-        assert own == overridden(load_scenario(), cell.scenario_overrides(), "sweep")
+        own, followed = (s.scenario_with(cell.scenario, "sweep") for s in (plain, ruled))
+        assert own == overridden(load_scenario(), cell.scenario, "sweep")
         assert followed == start_of_clearance(numerics_of_clearance(own))
     assert followed == own  # the nominal clearance
-    assert ruled.scenario_with(ruled.combinations[0].scenario_overrides(), "sweep").geometry.facets == 48
+    assert ruled.scenario_with(ruled.combinations[0].scenario, "sweep").geometry.facets == 48

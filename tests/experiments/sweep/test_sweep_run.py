@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.sweep import blocks, sweep_run
+from experiments.sweep import cell_files, sweep_run
+from experiments.sweep.cell_files import files_of
 from experiments.sweep.cells import cells_of
 from experiments.sweep.policy_store import PolicyStore
 from experiments.sweep.specification import read_specification
@@ -27,25 +28,25 @@ class ReadyRows:
 
 def planned(path, folder):
     found = cells_of(read_specification(path), "sweep")
-    todo = [(cell, block) for cell in found for block in cell.blocks(folder)]
+    todo = [file for cell in found for file in files_of(cell, folder)]
     store = PolicyStore(folder)
-    store.make({cell.recipe.digest: cell.recipe for cell, _ in todo}.values(), local_pool(1), lambda _: None)
+    store.make({cell.recipe.digest: cell.recipe for cell in found}.values(), local_pool(1), lambda _: None)
     return todo, store
 
 
-def test_a_block_that_cannot_be_written_costs_no_rows_of_others(specification, tmp_path, monkeypatch):
+def test_a_file_that_cannot_be_written_costs_no_rows_of_others(specification, tmp_path, monkeypatch):
     path = specification(policies={"push": PUSH}, vary={"contact.friction": [0.1, 0.2, 0.3]}, trials={"number": 2})
     todo, store = planned(path, tmp_path)
-    unwritable = todo[0][1].path
+    unwritable = todo[0].path
     monkeypatch.setattr(sweep_run, "WRITE_PERIOD", 1000.0)  # all rows are written at the end
-    real = blocks.write_atomically
+    real = cell_files.write_atomically
 
     def write(path, data):
         if path == unwritable:
             raise OSError(28, "No space left on device")
         real(path, data)
 
-    monkeypatch.setattr(blocks, "write_atomically", write)
+    monkeypatch.setattr(cell_files, "write_atomically", write)
     run = SweepRun(todo, store, ReadyRows(), lambda note: None)
     with pytest.raises(OSError, match=rf"{unwritable}: not written \(No space left"):
         run.run()

@@ -1,8 +1,8 @@
-"""The Parquet data set of a sweep: blocks of trials, which the process that holds the folder of results writes.
+"""The Parquet files of a sweep, which the process that holds the folder of results writes.
 
-A block is a file of up to `BLOCK` trials of one cell. Its name holds the digest of all that decides these trials, and
-the range of their numbers, so that every possible row has one place: it cannot be there twice. The file is rewritten
-whole as trials end.
+A file holds up to `SIZE` trials of one cell. Its name has the digest of all that decides these trials, and the range of
+their numbers, so that every possible row has one place: it cannot be there twice. The file is rewritten whole as trials
+end.
 """
 
 from __future__ import annotations
@@ -16,45 +16,46 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from experiments.outputs.output_checks import named_errors
+from experiments.sweep.cells import Cell
 from experiments.sweep.trial_files import SCHEMA, partition
 from skill.data.files import write_atomically
 from skill.data.tables import named_parquet_errors
 
-BLOCK = 100
-"""Trials in a block. A block is rewritten as its trials end; with more, that would cost more."""
+SIZE = 100
+"""Trials in a file. It is rewritten as its trials end; with more, that would cost more."""
 
 Row = dict[str, Any]
 
 
-class Block:
-    """A file of trials.
+class CellFile:
+    """A file of trials of a cell.
 
     Args:
         path: of the file.
-        cell: digest of what decides its trials.
+        cell: whose trials it holds.
         numbers: of the trials that are wanted.
 
     Attributes:
         path: of the file.
+        cell: whose trials it holds.
         missing: numbers of the wanted trials that have no row yet.
 
     Raises:
         ValueError: if the file holds trials of another cell, or is damaged.
     """
 
-    def __init__(self, path: Path, cell: str, numbers: Iterable[int]) -> None:
-        self.path, self._cell = path, cell
+    def __init__(self, path: Path, cell: Cell, numbers: Iterable[int]) -> None:
+        self.path, self.cell = path, cell
         self._new: list[Row] = []
         present = self._read(["trial", "key"]).to_pylist() if path.exists() else []
-        if any(row["key"] != row_key(cell, row["trial"]) for row in present):
+        if any(row["key"] != row_key(cell.digest, row["trial"]) for row in present):
             raise ValueError(f"{path}: holds other trials than its name says; move it away")
-        there = {row["trial"] for row in present}
-        self.missing = {number for number in numbers if number not in there}
+        self.missing = set(numbers).difference(row["trial"] for row in present)
 
     def add(self, row: Row) -> None:
         """Adds the row of a missing trial; `write` writes it."""
         self.missing.remove(row["trial"])
-        self._new.append({**row, "key": row_key(self._cell, row["trial"])})
+        self._new.append({**row, "key": row_key(self.cell.digest, row["trial"])})
 
     def write(self) -> int:
         """Writes the added rows and returns their number.
@@ -80,28 +81,19 @@ class Block:
             return pq.read_table(self.path, columns=columns, partitioning=None, memory_map=False)
 
 
-def blocks_of(
-    results: Path, cell: str, numbers: Iterable[int], *, policy: str, trial_set: str, engine: str
-) -> list[Block]:
-    """Returns the blocks that hold some trials of a cell, in order of their numbers.
-
-    Args:
-        results: folder of the sweep.
-        cell: digest of what decides the trials.
-        numbers: of the trials.
-        policy: name of its folder, like those that follow.
-        trial_set: name.
-        engine: name.
+def files_of(cell: Cell, results: Path) -> list[CellFile]:
+    """Returns the files of a cell within a folder of results, in order of their numbers.
 
     Raises:
-        ValueError: see `Block`.
+        ValueError: see `CellFile`.
     """
-    folder = partition(results, policy, trial_set, engine)
+    folder = partition(results, cell.policy, cell.trial_set, cell.engine)
     ranges: dict[int, list[int]] = {}
-    for number in numbers:
-        ranges.setdefault(number // BLOCK, []).append(number)
+    for number in cell.numbers:
+        ranges.setdefault(number // SIZE, []).append(number)
     return [
-        Block(folder / f"{cell}_{first * BLOCK:010d}.parquet", cell, chosen) for first, chosen in sorted(ranges.items())
+        CellFile(folder / f"{cell.digest}_{first * SIZE:010d}.parquet", cell, chosen)
+        for first, chosen in sorted(ranges.items())
     ]
 
 
