@@ -271,7 +271,7 @@ def announced_page(
     import webbrowser
 
     from interfaces.live.page import open_live_page
-    from interfaces.live.server import LOCAL_HOST
+    from interfaces.live.access import LOCAL_HOST
     from interfaces.terminal import say
 
     page = open_live_page(host=host or LOCAL_HOST, port=port)

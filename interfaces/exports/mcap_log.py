@@ -1,19 +1,17 @@
 """Demonstrations and rig runs as logs in MCAP: what Foxglove and the tools of ROS 2 open.
 
-Wrench and poses are messages of ROS 2, encoded in CDR, which aligns each number to its size, counted from the end of
-the four bytes that say the byte order (OMG, DDSI-RTPS 2.3, section 10). Contact state, commands, faults and the outcome
-are JSON with a JSON Schema. All messages of a sample have its time, counted from 1970 where the recording counts from
-its start.
+Wrench and poses are messages of ROS 2, encoded in CDR by the package ``rosbags``. Contact state, commands, faults and
+the outcome are JSON with a JSON Schema. All messages of a sample have its time, counted from 1970 where the recording
+counts from its start.
 """
 
 from __future__ import annotations
 
 import io
 import json
-import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -29,34 +27,15 @@ from skill.data.demonstration import ACTIONS, Demonstration
 from skill.data.rig_run import RigRun
 from systems.law.faults import Fault
 
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
 WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
 
-LITTLE_ENDIAN = b"\0\1\0\0"
+PARTS = {WRENCH: ("Wrench", "Vector3", "Vector3"), POSE: ("Pose", "Point", "Quaternion")}
+"""The type in such a message, and those of its two parts, in the package ``geometry_msgs``."""
+
 BILLION = 1_000_000_000
-
-_TYPES = {
-    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
-    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
-    "geometry_msgs/Wrench": "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque",
-    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
-    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
-}
-
-
-def _schema(field: str, *parts: str) -> str:
-    """The definition of a message with a header and a field, followed by those of the types in it."""
-    types = ("std_msgs/Header", "builtin_interfaces/Time", *(f"geometry_msgs/{part}" for part in parts))
-    definitions = [f"MSG: {name}\n{_TYPES[name]}" for name in types]
-    return f"\n{80 * '='}\n".join([f"std_msgs/Header header\n{types[2]} {field}", *definitions]) + "\n"
-
-
-SCHEMAS = {
-    WRENCH: _schema("wrench", "Wrench", "Vector3"),
-    POSE: _schema("pose", "Pose", "Point", "Quaternion"),
-}
-"""Definitions of the messages in the notation of ROS 2 (schema encoding ``ros2msg``)."""
 
 FRAMES = {"peg": "peg_tip", "hole": "hole", "world": "world"}
 """Names of the coordinate frames: P, H and W."""
@@ -82,23 +61,29 @@ JSON_TYPES: dict[str, dict[str, dict[str, str]]] = {
 
 
 class _Message(NamedTuple):
-    """A message at a time, ns; its content is encoded, or the fields of a message in JSON."""
+    """A message at a time, ns.
+
+    Its content is the fields of a message in JSON, or the coordinate frame of a message of ROS 2 and its numbers: force
+    (N) and torque (N m); or position (m) and quaternion x y z w.
+    """
 
     time: int
     topic: str
     kind: str
-    content: bytes | Mapping[str, Any]
+    content: Mapping[str, Any] | tuple[str, Sequence[float]]
 
 
 def recording_log(recording: Demonstration | RigRun) -> tuple[bytes, Counter[str]]:
     """Returns a recording as a log: the MCAP file, and the number of messages of each topic.
 
     Raises:
-        ModuleNotFoundError: if the package ``mcap`` is missing.
+        ModuleNotFoundError: if the package ``mcap`` or ``rosbags`` is missing.
         ValueError: if the recording has no geometry, or begins before the time 0.
     """
     from mcap.writer import Writer
+    from rosbags.typesys import Stores, get_typestore
 
+    ros = get_typestore(Stores.ROS2_HUMBLE)
     stream, counts = io.BytesIO(), Counter[str]()
     writer = Writer(stream)
     writer.start(library=f"haptic-skill {version_of('haptic-skill')}")
@@ -106,14 +91,13 @@ def recording_log(recording: Demonstration | RigRun) -> tuple[bytes, Counter[str
     channels: dict[str, int] = {}
     messages = _run_messages(recording) if isinstance(recording, RigRun) else _demonstration_messages(recording)
     for time, topic, kind, content in messages:
+        schema, encoding = ("ros2msg", "cdr") if kind in PARTS else ("jsonschema", "json")
         if kind not in schemas:
-            definition = SCHEMAS.get(kind)
-            encoding = "jsonschema" if definition is None else "ros2msg"
-            schemas[kind] = writer.register_schema(kind, encoding, (definition or _json_schema(kind)).encode())
+            definition = ros.generate_msgdef(kind, ros_version=2)[0] if kind in PARTS else _json_schema(kind)
+            schemas[kind] = writer.register_schema(kind, schema, definition.encode())
         if topic not in channels:
-            encoding = "cdr" if kind in SCHEMAS else "json"
             channels[topic] = writer.register_channel(topic, encoding, schemas[kind])
-        data = content if isinstance(content, bytes) else json.dumps(content).encode()
+        data = _cdr(ros, time, kind, *content) if isinstance(content, tuple) else json.dumps(content).encode()
         writer.add_message(channels[topic], log_time=time, publish_time=time, data=data)
         counts[topic] += 1
     kind = "rig_run" if isinstance(recording, RigRun) else "demonstration"
@@ -166,22 +150,18 @@ def _demonstration_messages(demonstration: Demonstration) -> Iterator[_Message]:
     yield _outcome(times[-1], demonstration.reason, success=demonstration.good, result={})
 
 
-def stamped(nanoseconds: int, frame: str, numbers: Sequence[float]) -> bytes:
-    """Returns a message of a header and 64-bit floats: a wrench (6) or a pose (7).
-
-    Args:
-        nanoseconds: time of the header, not negative.
-        frame: name of the coordinate frame.
-        numbers: force (N) and torque (N m); or position (m) and quaternion x y z w.
-    """
-    name = frame.encode() + b"\0"
-    head = struct.pack("<iII", nanoseconds // BILLION, nanoseconds % BILLION, len(name)) + name
-    return LITTLE_ENDIAN + head + bytes(-len(head) % 8) + struct.pack(f"<{len(numbers)}d", *numbers)
+def _cdr(ros: Typestore, time: int, kind: str, frame: str, numbers: Sequence[float]) -> bytes:
+    """A message of ROS 2 with a header, in CDR."""
+    stamp = ros.types["builtin_interfaces/msg/Time"](*divmod(time, BILLION))
+    whole, first, second = (ros.types[f"geometry_msgs/msg/{part}"] for part in PARTS[kind])
+    content = whole(first(*numbers[:3]), second(*numbers[3:]))
+    message = ros.types[kind](ros.types["std_msgs/msg/Header"](stamp, frame), content)
+    return bytes(ros.serialize_cdr(message, kind))
 
 
 def _wrench(time: int, motion: Motion, k: int) -> _Message:
     numbers = [*motion.force[k].tolist(), *motion.moment[k].tolist()]
-    return _Message(time, "/wrench", WRENCH, stamped(time, FRAMES["peg"], numbers))
+    return _Message(time, "/wrench", WRENCH, (FRAMES["peg"], numbers))
 
 
 def _pose(time: int, motion: Motion, k: int, body: str, frame: str) -> _Message:
@@ -189,7 +169,7 @@ def _pose(time: int, motion: Motion, k: int, body: str, frame: str) -> _Message:
     rotation: Rotation
     rotation, position = (motion.R_WP, motion.p_WP) if body == "peg" else (motion.R_WH, motion.p_WH)
     numbers = [*position[k].tolist(), *rotation[k].as_quat(canonical=True).tolist()]
-    return _Message(time, f"/{body}/pose", POSE, stamped(time, FRAMES[frame], numbers))
+    return _Message(time, f"/{body}/pose", POSE, (FRAMES[frame], numbers))
 
 
 def _state(time: int, topic: str, number: int, name: str, *, known: bool) -> _Message:

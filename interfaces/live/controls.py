@@ -34,10 +34,6 @@ class Slider:
     value: float
     moves: int = 0
 
-    def set(self, value: float) -> None:
-        """Changes the value to the nearest step within the range."""
-        self.value = round(min(max(value, self.low), self.high) / self.step) * self.step
-
 
 @dataclass(frozen=True)
 class Gamepad:
@@ -80,8 +76,7 @@ class LiveControls:
     def clicked(self, name: str) -> bool:
         """Whether a button has been clicked since the last call for it."""
         is_clicked = name in self._clicked
-        if is_clicked:
-            self._clicked.discard(name)
+        self._clicked.discard(name)
         return is_clicked
 
     def any_waiting(self, *names: str) -> bool:
@@ -109,9 +104,9 @@ class LiveControls:
         return self._sliders[name].moves
 
     def SetSliderValue(self, name: str, value: float, *, source: int | None = None) -> None:
-        """Moves a slider to the step nearest to ``value``, in all browsers but ``source``."""
+        """Moves a slider to the step nearest to ``value`` within its range, in all browsers but ``source``."""
         slider = self._sliders[name]
-        slider.set(value)
+        slider.value = round(min(max(value, slider.low), slider.high) / slider.step) * slider.step
         message = {"type": "set_control_value", "name": name, "value": slider.value, "invoke_callback": False}
         self._outbox.put(("value", name), umsgpack.packb(message), source=source)
 

@@ -12,7 +12,7 @@ import numpy as np
 from experiments.corrections import StuckTrial, find_query_state, practice_trial
 from experiments.trial.trial_result import TrialResult
 from interfaces.live.page import LivePage
-from interfaces.live.rig_view import RigView
+from interfaces.live.rig_view import show_trial
 from interfaces.live.session import (
     BUSY,
     IDLE_PERIOD,
@@ -49,6 +49,8 @@ class CorrectionSession(LiveSession):
         out: see `LiveSession`, as for the other arguments.
     """
 
+    _idle_buttons = (START, SKIP)
+
     def __init__(
         self,
         *,
@@ -68,7 +70,6 @@ class CorrectionSession(LiveSession):
             start_of=self._start, out=out, page=page, announce=announce, driver=driver, absence_limit=absence_limit
         )
         page.controls.AddButton(SKIP, SKIP_KEY)
-        self._rig = RigView(page, self._display)
 
     def show_note(self, message: str) -> None:
         """Shows on the page what the session is busy with.
@@ -127,11 +128,6 @@ class CorrectionSession(LiveSession):
             self.say(f"show me: {self._place + 1} of {len(self._asked)}, {where}; Space starts", READY)
         return False
 
-    def _record_one(self) -> bool:
-        quits = super()._record_one()
-        self._buttons.forget_clicks(SKIP)  # only between demonstrations the key has a meaning
-        return quits
-
     def _keep(self, demonstration: Demonstration) -> bool:
         is_kept = super()._keep(demonstration)
         if is_kept:
@@ -172,11 +168,11 @@ class CorrectionSession(LiveSession):
                 self.show_note(f"{title}: {now:.1f} s, load {load:.0f} N; before: {before}")
 
         self._announce(f"{title}: practice trial {number} with the new skill")
-        ended = self._rig.perform(
-            resolved, policy, number=number, kept=len(self.kept), on_picture=show_progress
-        ).ended()
-        result, run = ended.result, ended.record(policy)
-        now = find_query_state(run, resolved, number=number, inserted=result.inserted)
+        run = show_trial(
+            self._page, self._display, resolved, policy, number=number, kept=len(self.kept), on_picture=show_progress
+        )
+        result, record = run.ended().result, run.ended().record(policy)
+        now = find_query_state(record, resolved, number=number, inserted=result.inserted)
         self.say(f"{title}: {course(result, now)}; before: {before}. Space: {then}")
         self._buttons.forget_clicks(*KEYS)
         while not self._buttons.clicked(START):

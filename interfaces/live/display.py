@@ -108,10 +108,6 @@ class LiveDisplay:
         """Shows a line of text over the scene; a phase of the session begins with it, if one is given."""
         self._page.show(status=message, **({} if phase is None else {"phase": phase}))
 
-    def show_contact_load(self, load: ContactLoad) -> None:
-        """Shows the contact load beside the limit of the rig's guard."""
-        self._page.show(contact=load.values())
-
     def draw_start(self, scenario: Scenario) -> None:
         """Draws peg and hole as they are at the start of a resolved scenario."""
         draw_bodies(self._page.scene, AddVirtualPlant(DiagramBuilder(), scenario))
@@ -119,23 +115,19 @@ class LiveDisplay:
         self._page.scene.SetObject("live/hand/ghost", ghost, HAND)
         self._page.scene.SetTransform("live/hand/ghost", X_PC)
         X_HP = start_pose(scenario)
-        self.move_peg(X_HP)
-        self.move_hole(RigidTransform())
-        self.move_hand(X_HP)
+        self.draw_bodies(X_HP, X_HP)
+        self.draw_forces(X_HP.translation(), np.zeros(3), load=0.0, contact=None)
         self._feed.draw(X_HP.translation(), np.zeros(3))
         self._page.show(skill=None, hand=True)
 
-    def move_peg(self, X_HP: RigidTransform) -> None:
-        """Draws the peg at a pose."""
-        self._page.scene.SetTransform("plant/peg", X_HP)
+    def draw_bodies(self, X_WP: RigidTransform, X_WD: RigidTransform, X_WH: RigidTransform | None = None) -> None:
+        """Draws the peg, the ghost, which is the peg where the hand would have it, and the block, which the rig turns.
 
-    def move_hole(self, X_WH: RigidTransform) -> None:
-        """Draws the block at a pose; only the rig turns it."""
-        self._page.scene.SetTransform("plant/hole", X_WH)
-
-    def move_hand(self, X_HD: RigidTransform) -> None:
-        """Draws the ghost: the peg where the hand would have it."""
-        self._page.scene.SetTransform("live/hand", X_HD)
+        In the virtual environment W is H.
+        """
+        poses = {"plant/peg": X_WP, "live/hand": X_WD, "plant/hole": X_WH or RigidTransform()}
+        for path, X in poses.items():
+            self._page.scene.SetTransform(path, X)
 
     def draw_forces(
         self,
@@ -205,7 +197,7 @@ class LiveDisplay:
         late_steps: int = 0,
         steps: int = 0,
     ) -> None:
-        """Shows readings in the panel; panel/readings.js lists their names and units.
+        """Shows readings in the panel; see `LivePage.show`.
 
         Args:
             X_HP: pose of the peg.

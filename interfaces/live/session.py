@@ -55,6 +55,9 @@ class LiveSession:
         absence_limit: time without an open page after which the session ends, s.
     """
 
+    _idle_buttons: tuple[str, ...] = (START,)
+    """The buttons that have a meaning between two demonstrations only."""
+
     def __init__(
         self,
         *,
@@ -92,7 +95,7 @@ class LiveSession:
                     if self._record_one():
                         self.say("session over", OVER)
                         break
-                    self._buttons.forget_clicks(START)  # of a person who pressed twice
+                    self._buttons.forget_clicks(*self._idle_buttons)  # of a person who pressed twice
                     self._prepare_next()
                 self._display.follow_view_buttons()
                 time.sleep(IDLE_PERIOD)
@@ -134,11 +137,9 @@ class LiveSession:
         X_HP = start_pose(resolved)
         if self._input is not None:
             self._input.start(X_HP)
-        tip = X_HP.translation()
-        self._display.draw_forces(tip, np.zeros(3), load=0.0, contact=None)
-        self._display.show_contact_load(ContactLoad(resolved))
+        self._page.show(contact=ContactLoad(resolved).values())
         self._display.show_readings(
-            X_HP, depth=-float(tip[2]), full_depth=resolved.full_depth, rate=0.0, kept=len(self.kept)
+            X_HP, depth=-float(X_HP.translation()[2]), full_depth=resolved.full_depth, rate=0.0, kept=len(self.kept)
         )
 
     def _record_one(self) -> bool:
@@ -248,8 +249,7 @@ class LiveSession:
         context, probe = live.run.simulator.get_context(), live.probe
         X_HP = live.environment.plant.peg_pose(context)
         contact = live.environment.plant.contact_force(context)
-        self._display.move_peg(X_HP)
-        self._display.move_hand(probe.X_HD)
+        self._display.draw_bodies(X_HP, probe.X_HD)
         self._display.draw_forces(X_HP.translation(), probe.wrench[3:], load=probe.load, contact=contact)
         if self._input is not None:
             self._input.follow(probe.X_HD)
@@ -259,7 +259,7 @@ class LiveSession:
         context = live.run.simulator.get_context()
         sample = live.environment.last_sample(context)
         load.take(sample)
-        self._display.show_contact_load(load)
+        self._page.show(contact=load.values())
         if observer is None or not np.isfinite(list(sample.values())).all():
             return  # nobody watches, or the run has diverged
         judgement = observer.watch([sample[name] for name in MEASURED], [sample["rx"], sample["ry"]])
@@ -286,10 +286,9 @@ class LiveSession:
     def _watch_gamepad(self) -> None:
         """Says when a gamepad is connected or disconnected."""
         has_gamepad = len(self._page.controls.GetGamepad().axes) > 0
-        if self._has_gamepad and not has_gamepad:
-            self.say("gamepad disconnected: use sliders and keys")
-        elif has_gamepad and not self._has_gamepad:
-            self.say("gamepad: left stick tilts, right stick feeds")
+        if has_gamepad != self._has_gamepad:
+            keys, sticks = "gamepad disconnected: use sliders and keys", "gamepad: left stick tilts, right stick feeds"
+            self.say(sticks if has_gamepad else keys)
         self._has_gamepad = has_gamepad
 
     def say(self, message: str, phase: str | None = None) -> None:

@@ -1,12 +1,4 @@
-// Shows the values of the session. All are in SI units except tilts, which are in degrees as the person sees them:
-//   force N, moment N m, load (of the device, 1 is its limit), colour (of the force), depth {tip, full} m,
-//   tilt {right, away}, rate (simulated over wall-clock time), pace (the rate of the self-test), deadlines {late_steps, steps, late_ticks, ticks},
-//   energy J, min_energy J, kept (a count), status (a line of text),
-//   contact {load N, limit N, peak N, held} or null: the load that the rig's guard would see, its limit, the largest of
-//     this demonstration, and whether the guard would already slow the feed,
-//   phase "ready", "recording", "verdict", "busy" or "over",
-//   hand whether a hand moves the peg; on the rig none does, and what belongs to one is not shown,
-//   skill {state, colour, known, feed m/s, turn rad/s, tilt, turned} or null, over: the session has ended.
+// Shows the values of the session; `LivePage.show` lists their names and units.
 (function () {
   const {byId, formatNumber, onValues} = livePanel;
   const SLOW = 0.95;  // simulated over wall-clock time, below which the page warns; a reading of real time varies by 4 %

@@ -3,11 +3,11 @@ import pytest
 from pydrake.geometry import Rgba
 
 from interfaces.live.arrow import Arrow
-from tests.interfaces.live.canvas import Canvas
+from tests.interfaces.live.test_display import Recorder
 
 
 def make_arrow(scale=100.0):
-    canvas = Canvas()
+    canvas = Recorder()
     return canvas, Arrow(canvas, "a", scale=scale, colour=Rgba(0.5, 0.25, 0.0, 0.99), order=7.0)
 
 

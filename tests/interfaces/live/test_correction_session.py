@@ -9,7 +9,7 @@ import pytest
 from interfaces.live.controls import LiveControls
 from interfaces.live.correction_session import SKIP, CorrectionSession, PersonLeftError, course
 from interfaces.live.messages import Outbox
-from interfaces.live.session import QUIT, LiveSession
+from interfaces.live.session import QUIT, START
 from interfaces.live.viewer_scene import ViewerScene
 from models.scenario import load_scenario
 from skill.data.outcome import Outcome
@@ -81,27 +81,21 @@ def test_the_query_states_are_asked_for_in_turn_and_one_can_be_skipped(dut, page
     assert [path.name for path in dut.kept] == ["000_bad_live.parquet", "000_good_live.parquet"]
 
 
-def test_the_key_to_skip_counts_only_between_demonstrations(dut, page, monkeypatch):
-    def record(_):
+def test_the_keys_count_only_between_demonstrations_and_not_from_before(dut, page, monkeypatch):
+    begun = []
+
+    def record():
+        begun.append(True)
         page.click(SKIP)
         return False
 
-    monkeypatch.setattr(LiveSession, "_record_one", record)
-    dut._asked = [QUERY_STATE]
-    assert dut._record_one() is False
-    assert dut._is_complete() is False
-    page.click(SKIP)
-    assert dut._is_complete() is True
-
-
-def test_clicks_from_before_neither_start_nor_skip(dut, page, monkeypatch):
-    page.click(SKIP)
-    page.click("start (Space)")
-    monkeypatch.setattr(dut, "_record_one", lambda: pytest.fail("a demonstration has begun"))
-    at_each_wait(monkeypatch, lambda: None, lambda: page.click(QUIT))
+    monkeypatch.setattr(dut, "_record_one", record)
+    for label in (SKIP, START):
+        page.click(label)
+    at_each_wait(monkeypatch, lambda: page.click(START), lambda: None, lambda: page.click(QUIT))
     with pytest.raises(PersonLeftError):
         dut.show_query_states([QUERY_STATE])
-    assert dut._place == 0
+    assert (dut._place, begun) == (0, [True])
 
 
 def test_work_is_shown_and_ends_when_the_person_quits_or_stays_away(dut, page):

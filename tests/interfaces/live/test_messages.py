@@ -17,10 +17,3 @@ def test_the_source_of_a_message_does_not_receive_it_but_another_message_of_the_
     assert dut.since(0, reader=8) == (1, [b"1"])
     dut.put("a", b"2")
     assert dut.since(1, reader=7) == (2, [b"2"])
-
-
-def test_the_number_of_messages_is_bounded_by_the_number_of_keys():
-    dut = Outbox()
-    for k in range(10_000):
-        dut.put(k % 3, str(k))
-    assert dut.since(0) == (10_000, ["9997", "9998", "9999"])

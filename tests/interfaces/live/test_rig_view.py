@@ -8,7 +8,7 @@ import pytest
 
 from experiments.trial.run_trial import run_trial
 from interfaces.live.display import LiveDisplay
-from interfaces.live.rig_view import RigView
+from interfaces.live.rig_view import show_trial
 from models.scenario import TRIAL_STREAM, resolve_scenario
 from skill.features.measurement import contact_load
 from skill.policy.rig_policy import Action
@@ -43,8 +43,7 @@ def trial(quick_scenario):
 
 
 def perform(page, trial):
-    view = RigView(page, LiveDisplay(page))
-    return view.perform(trial, Level(), number=2, kept=3, on_picture=page.take_picture)
+    return show_trial(page, LiveDisplay(page), trial, Level(), number=2, kept=3, on_picture=page.take_picture)
 
 
 @pytest.mark.slow
@@ -58,38 +57,32 @@ def test_the_trial_on_the_page_is_the_one_that_is_performed_unseen(trial):
 
 @pytest.mark.slow
 def test_the_page_shows_the_bodies_the_load_and_the_motion_of_the_rig(trial):
-    page = Page()
-    began = time.monotonic()
-    record = perform(page, trial).ended().record(Level())
-    assert time.monotonic() - began > record.samples["time"].iloc[-1]  # not faster than the wall clock
-    samples = record.samples.set_index("time")
+    page, began = Page(), time.monotonic()
+    samples = perform(page, trial).ended().record(Level()).samples.set_index("time")
+    assert time.monotonic() - began > samples.index[-1]  # not faster than the wall clock
     assert len(page.pictures) > 10
     for now, load, transforms, values in page.pictures[1:]:
-        row = samples.iloc[samples.index.get_indexer([now], method="ffill")[0]]
-        wrench = row[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(dtype=float)
-        assert load == pytest.approx(contact_load(wrench, 0.01))
+        seen = samples[samples.index <= now]
+        row = seen.iloc[-1]
+        loads = [contact_load(row, 0.01) for row in seen[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(dtype=float)]
+        assert (load, values["contact"]["peak"]) == pytest.approx((loads[-1], max(loads)))
         assert values["contact"]["load"] == load
-        assert values["contact"]["limit"] == trial.controller.guard.force_limit
         assert values["force"] == values["moment"] == 0.0  # nobody's hand feels it
         assert values["depth"]["tip"] == row["depth"]
         assert values["skill"]["feed"] == pytest.approx(row["feed_speed"])
         assert (values["hand"], values["kept"]) == (False, 3)
+        assert 0.0 < values["rate"] <= 1.05
         peg, hole = transforms["plant/peg"], transforms["plant/hole"]
         np.testing.assert_array_equal(peg[:3, :3], np.eye(3))  # the rig turns the block, not the peg
         assert peg[2, 3] == pytest.approx(row["tip_z"], abs=5e-4)
         np.testing.assert_array_equal(transforms["live/hand"], peg)
         turned = np.degrees([np.arctan2(hole[2, 1], hole[2, 2]), np.arcsin(-hole[2, 0])])
         np.testing.assert_allclose(turned, np.degrees([row["pitch"], row["yaw"]]), atol=0.2)
-    first, last = (picture[2]["plant/hole"] for picture in (page.pictures[0], page.pictures[-1]))
-    assert np.abs(last - first).max() > 5e-3  # the block turned
-    seen = samples[samples.index <= page.pictures[-1][0]]
-    loads = [contact_load(row, 0.01) for row in seen[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(dtype=float)]
-    assert page.pictures[-1][3]["contact"]["peak"] == pytest.approx(max(loads))
-    turns = [picture[3]["skill"]["turn"] for picture in page.pictures]
-    assert max(turns) == pytest.approx(4e-4 / 0.02, rel=0.1)  # the rate of the policy
-    shown = page.pictures[-1][3]["skill"]
-    turned, tilt = (np.linalg.norm(list(shown[name].values())) for name in ("turned", "tilt"))
-    assert turned < tilt  # the policy levels the peg
+    assert np.abs(turned).max() > 0.3
+    shown = [picture[3]["skill"] for picture in page.pictures]
+    assert max(skill["turn"] for skill in shown) == pytest.approx(4e-4 / 0.02, rel=0.1)  # the rate of the policy
+    after, tilt = (np.linalg.norm(list(shown[-1][name].values())) for name in ("turned", "tilt"))
+    assert after < tilt  # the policy levels the peg
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import yaml
 
 from experiments.outputs.folder_lock import LOCK_NAME
 from interfaces.live.controls import LiveControls
-from interfaces.live.display import SATURATED
+from interfaces.live.display import SATURATED, LiveDisplay
 from interfaces.live.page import LivePage, open_live_page
 from interfaces.live.session import (
     GOOD,
@@ -20,10 +20,11 @@ from interfaces.live.session import (
     live_scenario,
     next_number,
 )
-from interfaces.terminal import write_json
 from models.scenario import dump_scenario, load_scenario
 from skill.data.demonstration import read_demonstration
 from skill.data.outcome import Outcome
+from skill.features.measurement import MEASURED
+from skill.policy.policy_observer import PolicyObserver
 from systems.math.rotation import from_rotation_vector
 from systems.operators.person_frame import R_HV
 from tests.browser import blankness
@@ -143,19 +144,13 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         ready = page.screenshot()  # before anything is pressed: a large peg and block in the middle
         assert 0.02 < orange(ready[:, 300:800]) < 0.6
         assert blankness(ready).colours > 20
-        assert row(page, "depth").is_displayed()  # the controls are open from the start
-        assert row(page, "start (Space)").is_displayed()
+        assert row(page, "start (Space)").is_displayed()  # the controls are open from the start
         for name in ("depth mm", "tilt right", "keep as good (G)", "quit (Q)"):
             assert page.run("return document.body.innerText").count(name) == 1  # each action stands once
         assert text_of(page, "depth") == "-0.50 of 2.9 mm"
-        pictures = [ready]
-        for key in "231":
-            press(page, key)
-            time.sleep(1.0)
-            pictures.append(page.screenshot())
-        for one, other in ((0, 1), (1, 2), (2, 3)):
-            assert np.abs(pictures[one].astype(int) - pictures[other]).mean() > 1.0  # the camera moved
-        assert np.abs(pictures[3].astype(int) - ready).mean() < 0.5  # and came back
+        press(page, "2")
+        time.sleep(1.0)
+        assert np.abs(page.screenshot().astype(int) - ready).mean() > 1.0  # the camera moved
         press(page, " ")
         session.wait_for("recording:")
         press(page, "w", times=2)
@@ -165,12 +160,10 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         wait_for_text(page, "depth", "^(2.9|3|4.0)")  # the floor is at 4 mm
         late_steps, steps, late_ticks, ticks = map(int, re.findall(r"\d+", text_of(page, "deadlines")))
         assert 0 <= late_steps <= steps
-        assert 0 <= late_ticks <= ticks
         # the last step waited for the end of tick 4 (steps - 1); neither the first tick nor that one counts
-        assert ticks >= 4 * (steps - 1) - 2 > 0
-        assert float(text_of(page, "rate").split()[0]) > 0
-        assert float(text_of(page, "energy").split()[0]) > 0
-        assert float(text_of(page, "min_energy").split()[0]) <= 0
+        assert ticks >= max(4 * (steps - 1) - 2, late_ticks)
+        for name in ("rate", "energy"):
+            assert float(text_of(page, name).split()[0]) > 0
         press(page, "g")
         session.wait_for("kept 000_good_live.parquet")
         wait_for_text(page, "kept", "^1$")
@@ -184,64 +177,28 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         press(page, "x", "q")
         wait_for_text(page, "status", "session over")
         assert session.process.wait(30) == 0
-        assert page.errors() == [] or all("WebSocket" in e for e in page.errors())  # the scene's server has gone
+        assert all("WebSocket" in e for e in page.errors())  # the scene's server has gone
     session.wait_for("1 demonstrations kept")
     example = read_demonstration(tmp_path / "out" / "000_good_live.parquet")
-    assert example.good
-    assert example.outcome == "inserted"
-    assert example.samples["z"].iloc[-1] < -0.001  # the sample before the end, which is far from it on a slow machine
-    assert example.metadata["habit"] == "live"
-    assert example.metadata["lowest_probe_energy_J"] <= 0
+    assert (example.good, example.outcome, example.metadata["habit"]) == (True, "inserted", "live")
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["000_good_live.parquet", "index.json"]
 
 
-@pytest.mark.nightly
-@pytest.mark.browser
-def test_a_person_begins_in_the_pose_that_a_skill_asked_to_be_shown(tmp_path):
-    asked = {"trial": 5, "time": 1.0, "depth": 0.0018, "tilt": [0.02, 0.0], "load": 12.0, "state": "two-point contact"}
-    write_json(tmp_path / "asked.json", [asked | {"clocking": 0.0, "pivot_height": -0.001, "friction": 0.2}])
-    with live(tmp_path, options=("--asked", str(tmp_path / "asked.json"))) as session, session.page() as page:
-        wait_for_text(page, "status", "ready: press Space")
-        assert text_of(page, "depth") == "1.50 of 2.9 mm"  # 0.3 mm above
-        press(page, " ")
-        session.wait_for("recording:")
-        time.sleep(0.5)
-        press(page, "b")
-        session.wait_for("keep as good")
-        press(page, "b")
-        session.wait_for("kept 000_bad_live.parquet")
-        press(page, "q")
-    first = read_demonstration(tmp_path / "out" / "000_bad_live.parquet").samples.iloc[0]
-    assert first["z"] == pytest.approx(-0.0015, abs=1e-4)
-    assert first["angle"] == pytest.approx(0.02, abs=2e-3)
-
-
-@pytest.mark.nightly
-@pytest.mark.browser
-def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(tmp_path, quick_scenario, skill, skill_file):
-    """The script pushes a tilted peg onto the chamfer: the skill sees another contact state than in free motion."""
-    quick_scenario.start.tilt = [0.035, 0.0]
-    scenario = yaml.safe_load(dump_scenario(quick_scenario)) | {"recorder": {"time_limit": 60.0}}
-    with live(tmp_path, scenario, options=("--observer", str(skill_file))) as session, session.page() as page:
-        wait_for_text(page, "status", "ready: press Space")
-        assert page.run("return document.getElementById('skill').hidden")
-        press(page, " ")
-        session.wait_for("recording:")
-        seen, turns = set(), []
-        for _ in range(15):
-            press(page, "w", times=2, pause=0.1)
-            seen.add(text_of(page, "skill-state").removesuffix(" (unlike any demonstration)"))
-            turns.append(float(text_of(page, "skill-rate").removesuffix(" °/s")))
-        assert not page.run("return document.getElementById('skill').hidden")
-        assert page.run("return document.getElementById('skill-turn').getAttribute('visibility')") == "visible"
-        press(page, "x")
-        session.wait_for("discarded: Space starts another")
-        wait_for_text(page, "status", "discarded")
-        assert page.run("return document.getElementById('skill').hidden")
-        press(page, "q")
-    assert seen <= set(skill.state_names())
-    assert len(seen) > 1
-    assert max(turns) > 1.0  # it would level the peg
+@pytest.mark.slow
+def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(session, monkeypatch, quick_scenario, skill):
+    seen = []
+    monkeypatch.setattr(LiveDisplay, "show_judgement", lambda _, found, **given: seen.append((found, given)))
+    dut = session(yaml.safe_load(dump_scenario(quick_scenario)), driver="loopback", policy=skill)
+    press_in_turn(monkeypatch, dut, [START, GOOD, QUIT])
+    (path,) = dut.run()
+    samples = read_demonstration(path).samples
+    observer = PolicyObserver(skill)
+    for (found, given), sample in zip(seen, samples.iloc[1:].to_dict("records"), strict=True):
+        expected = observer.watch([sample[name] for name in MEASURED], [sample["rx"], sample["ry"]])
+        assert (found.state, found.known, found.action.feed) == (expected.state, expected.known, expected.action.feed)
+        assert -given["X_HP"].translation()[2] == pytest.approx(-sample["z"])
+    assert len({found.state for found, _ in seen}) > 1
+    assert given["names"] == skill.state_names()
 
 
 @pytest.mark.browser
@@ -295,7 +252,6 @@ def test_session_continues_after_a_closed_page_and_a_disconnected_gamepad(tmp_pa
             press(page, " ")
             session.wait_for("recording:")
         session.wait_for("the page was closed: demonstration discarded")
-        assert session.process.poll() is None
         assert [path.name for path in (tmp_path / "out").iterdir()] == [LOCK_NAME]
         with session.page() as page:
             wait_for_text(page, "status", "the page was closed")
@@ -314,9 +270,7 @@ def test_session_continues_after_a_closed_page_and_a_disconnected_gamepad(tmp_pa
             session.wait_for("kept 000_bad_live.parquet")
             press(page, "q")
             assert session.process.wait(30) == 0
-    example = read_demonstration(tmp_path / "out" / "000_bad_live.parquet")
-    assert not example.good
-    last = example.samples.iloc[-1]
+    last = read_demonstration(tmp_path / "out" / "000_bad_live.parquet").samples.iloc[-1]
     lean = R_HV.inverse() @ from_rotation_vector(last["angle"] * last[["ax", "ay", "az"]].to_numpy(dtype=float)).col(2)
     assert lean[0] > np.sin(np.radians(0.8))  # to the right
     assert abs(lean[1]) < 0.1 * lean[0]
