@@ -53,7 +53,7 @@ mutants: environment
 campaign: environment
 	$(RUN) tests.campaign --jobs 2 --json out/campaign.json
 
-# 10,000 damaged recordings, runs, skills and scenarios: does one load unnoticed? Three minutes.
+# 10,000 damaged recordings, runs, skills and scenarios: does one load unnoticed? Two minutes.
 fuzz: environment
 	$(RUN) tests.fuzz --jobs 2 --json out/fuzz.json
 
