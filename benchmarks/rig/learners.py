@@ -32,7 +32,8 @@ from skill.clustering.gaussian_components import GaussianComponents
 from skill.clustering.gaussian_states import GaussianStates
 from skill.data.demonstration import Demonstration
 from skill.manipulation_skill import ManipulationSkill
-from skill.policy.imitation import Imitation
+from skill.policy.imitation import Imitation, support_of
+from skill.policy.prediction import Prediction, Query
 from skill.policy.rig_policy import Action
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.estimate import Estimate
@@ -165,36 +166,22 @@ class RandomSign(ManipulationSkill):
         return replace(action, turn=np.random.default_rng(bits).choice([-1.0, 1.0]) * action.turn)
 
 
-class BareRegressor:
-    """A regressor that does not tell which samples it uses, so that a skill can neither pool nor limit its turns."""
+class BareImitation(Imitation):
+    """Imitation that neither pools nor limits the turns."""
 
-    def __init__(self, regressor: LWRegressor) -> None:
-        self._regressor = regressor
-
-    def fit(self, X: Array, y: Array, memberships: Array | None = None) -> Self:
-        """Fits the regressor."""
-        self._regressor.fit(X, y, memberships)
-        return self
-
-    def predict(self, X: Array) -> Array:
-        """Predictions of the regressor."""
-        return np.asarray(self._regressor.predict(X))
-
-    def predict_with_support(self, X: Array, memberships: Array) -> tuple[Array, Array]:
-        """Predictions of the regressor, and its support."""
-        return self._regressor.predict_with_support(X, memberships)
-
-    def support_between(self, groups: ArrayLike) -> Array:
-        """Support of the regressor between groups."""
-        return self._regressor.support_between(groups)
+    def predict(self, query: Query) -> Prediction:
+        """Returns what the regression says."""
+        assert isinstance(self.regressor, LWRegressor)
+        predictions, log_support = self.regressor.predict_with_support(query.X, query.P)
+        return Prediction(predictions[0], support_of(self.min_log_support, float(log_support[0])), limited=False)
 
 
 class Extrapolating(ManipulationSkill):
     """The skill that turns as the regression says, however far it extrapolates."""
 
     def imitation(self) -> Imitation:
-        """What predicts the actions, with the same regressor."""
-        return replace(super().imitation(), regressor=BareRegressor(self.regressor_))
+        """What predicts the actions."""
+        return BareImitation(self.regressor_, self.sources_, self.min_log_support_)
 
 
 def nearest_neighbours() -> GridSearchCV:
