@@ -12,11 +12,11 @@ def no_prior(d):
     return CovariancePrior(count=0.0, variance=1.0, floor=np.zeros(d))
 
 
-def random_components(seed, M=4, d=3):
+def random_components(seed, M=4, d=3, degrees=np.inf):
     rng = np.random.default_rng(seed)
     A = rng.normal(size=(M, d, d))
     return GaussianComponents(
-        rng.dirichlet(np.ones(M)), rng.normal(size=(M, d)), A @ A.transpose(0, 2, 1) + 0.1 * np.eye(d)
+        rng.dirichlet(np.ones(M)), rng.normal(size=(M, d)), A @ A.transpose(0, 2, 1) + 0.1 * np.eye(d), degrees
     )
 
 
@@ -30,11 +30,10 @@ def spherical(weights, means, variances=None):
 
 
 def densities(Z, components):
-    """P_i N(z_j | v_i, F_i) from the textbook formula, shape (N, M)."""
+    """P_i p(z_j | v_i, F_i) of Gaussians or Student distributions, shape (N, M)."""
     columns = []
     for P, v, F in zip(components.weights, components.means, components.covariances, strict=True):
-        exponent = np.einsum("na,ab,nb->n", Z - v, np.linalg.inv(F), Z - v)
-        columns.append(P * np.exp(-0.5 * exponent) / np.sqrt(np.linalg.det(2.0 * np.pi * F)))
+        columns.append(P * np.atleast_1d(multivariate_t(v, F, df=components.degrees).pdf(Z)))
     return np.stack(columns, axis=1)
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.datasets import load_iris
 
 from skill.arrays import Array
 
@@ -61,17 +60,6 @@ def ellipses(seed: int) -> tuple[Samples, Labels]:
         [220, 180, 180, 280, 70, 170],
         [(25, 75), (74, 76), (49, 50), (25, 30), (48, 14), (78, 20)],
         [ellipse(*shape) for shape in shapes],
-    )
-
-
-def overlapping(seed: int, N: int = 1000) -> tuple[Samples, Labels]:
-    """Four overlapping Gaussians, two with the same mean, after Figueiredo and Jain 2002."""
-    rng = np.random.default_rng(seed)
-    return gaussian_mixture(
-        rng,
-        rng.multinomial(N, [0.3, 0.3, 0.3, 0.1]),
-        [(-4, -4), (-4, -4), (2, 2), (-1, -6)],
-        np.array([[[1, 0.5], [0.5, 1]], [[6, -2], [-2, 6]], [[2, -1], [-1, 2]], [[0.125, 0], [0, 0.125]]]),
     )
 
 
@@ -162,12 +150,6 @@ def demonstrations_and_phase(y: Labels) -> tuple[Labels, Samples]:
     groups = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     phase = np.concatenate([np.arange(n) / n for n in np.diff(starts)])
     return groups, phase
-
-
-def iris(seed: int | None = None) -> tuple[Samples, Labels]:
-    """Fisher's iris data, standardised; the same for every seed."""
-    X, y = load_iris(return_X_y=True)
-    return (X - X.mean(0)) / X.std(0), y
 
 
 def with_outliers(seed: int) -> tuple[Samples, Labels]:

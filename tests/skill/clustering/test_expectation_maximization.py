@@ -1,9 +1,6 @@
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_t
-from sklearn.mixture import GaussianMixture
 
 from skill.clustering.expectation_maximization import (
     CovariancePrior,
@@ -18,44 +15,18 @@ from tests.skill.clustering.components import (
     no_prior,
     random_components,
     spherical,
-    student_samples,
     weighted_moments,
 )
-from tests.skill.clustering.labelled_sets import ellipses, separated, spheres
-
-NU = 4.0
+from tests.skill.clustering.labelled_sets import spheres
 
 
-def test_block_size_does_not_matter(monkeypatch):
-    X, _ = separated(0, N=900, d=5)
-    components = random_components(1, 4, 5)
-    arguments = {"eta": 1.0, "cardinalities": np.array([500.0, 200.0, 100.0, 100.0]), "fuzzy": True}
-    whole = e_step(X, components, **arguments)
-    monkeypatch.setattr("skill.clustering.expectation_maximization.BLOCK", 7)
-    blocks = e_step(X, components, **arguments)
-    np.testing.assert_allclose(blocks.means, whole.means, rtol=1e-9)
-    np.testing.assert_allclose(blocks.covariances, whole.covariances, rtol=1e-7, atol=1e-9)
-    np.testing.assert_allclose(blocks.cardinalities, whole.cardinalities, rtol=1e-9)
-    assert blocks.log_likelihood == pytest.approx(whole.log_likelihood, rel=1e-12)
-
-
-def test_posteriors_equal_those_of_scikit_learn():
-    X, _ = spheres(0)
-    mixture = GaussianMixture(4, random_state=0).fit(X)
-    components = components_of_partition(X, mixture.predict(X), no_prior(2))
-    mixture.weights_, mixture.means_ = components.weights, components.means
-    mixture.covariances_ = components.covariances
-    mixture.precisions_cholesky_ = np.linalg.inv(np.linalg.cholesky(components.covariances)).transpose(0, 2, 1)
-    p = densities(X, components)
-    np.testing.assert_allclose(p / p.sum(axis=1, keepdims=True), mixture.predict_proba(X), atol=1e-10)
-    assert e_step(X, components).log_likelihood == pytest.approx(mixture.score(X) * len(X), rel=1e-12)
-
-
+@pytest.mark.parametrize("degrees", [np.inf, 4.0])
 @pytest.mark.parametrize("fuzzy", [False, True])
 @pytest.mark.parametrize("eta", [0.0, 2.0])
-def test_moments_worked_by_hand(fuzzy, eta):
+def test_moments_worked_by_hand(monkeypatch, degrees, fuzzy, eta):
+    monkeypatch.setattr("skill.clustering.expectation_maximization.BLOCK", 7)
     Z = np.random.default_rng(4).normal(size=(60, 2))
-    components = random_components(5, 3, 2)
+    components = random_components(5, 3, 2, degrees)
     N_i = np.array([35.0, 20.0, 5.0])
     p = densities(Z, components)
     h = p / p.sum(axis=1, keepdims=True)
@@ -65,6 +36,11 @@ def test_moments_worked_by_hand(fuzzy, eta):
         assert (u == 0.0).any()  # some memberships are clipped
     step = e_step(Z, components, eta=eta, cardinalities=N_i, fuzzy=fuzzy)
     weights = u**2 if fuzzy else u
+    if degrees == 4.0:
+        offset = Z[:, None] - components.means
+        weights = (
+            weights * 6.0 / (4.0 + np.einsum("nia,iab,nib->ni", offset, np.linalg.inv(components.covariances), offset))
+        )
     means, covariances = weighted_moments(Z, weights)
     np.testing.assert_allclose(step.cardinalities, u.sum(axis=0))
     np.testing.assert_allclose(step.weight_sums, weights.sum(axis=0))
@@ -111,18 +87,6 @@ def test_retained_components_are_normalised():
     np.testing.assert_allclose(kept.weights, [5 / 7, 2 / 7])
     np.testing.assert_array_equal(kept.means[:, 0], [0.0, 2.0])
     np.testing.assert_array_equal(kept.covariances[:, 0, 0], [1.0, 3.0])
-
-
-def test_likelihood_never_falls_without_competition_and_prior():
-    X, _ = ellipses(1)
-    rng = np.random.default_rng(0)
-    components = components_of_partition(X, rng.integers(0, 5, len(X)), no_prior(2))
-    values = []
-    for _ in range(60):
-        step = e_step(X, components)
-        values.append(step.log_likelihood)
-        components = m_step(step, no_prior(2))
-    assert np.diff(values).min() > -1e-8 * abs(values[0])
 
 
 def test_em_stops_when_the_gain_is_small():
@@ -184,45 +148,3 @@ def test_components_of_a_partition_worked_by_hand():
     np.testing.assert_allclose(found.means, [[10.0, 2.0], [1.0, 1.0]])
     # Two samples of variance (0, 4) and one of the prior's, 0.1 / 2 with two clusters in two channels.
     np.testing.assert_allclose(found.covariances[0], np.diag([0.05 / 3 + 0.5, 8.05 / 3]))
-
-
-def test_moments_are_weighted_by_the_tails():
-    Z = np.random.default_rng(2).standard_t(3.0, size=(50, 2))
-    components = replace(random_components(3, M=2, d=2), degrees=NU)
-    columns, weights = [], []
-    for P, v, F in zip(components.weights, components.means, components.covariances, strict=True):
-        columns.append(P * multivariate_t(v, F, df=NU).pdf(Z))
-        weights.append((NU + 2) / (NU + np.einsum("na,ab,nb->n", Z - v, np.linalg.inv(F), Z - v)))
-    p, w = np.stack(columns, axis=1), np.stack(weights, axis=1)
-    h = p / p.sum(axis=1, keepdims=True)
-    step = e_step(Z, components)
-    assert step.log_likelihood == pytest.approx(np.log(p.sum(axis=1)).sum())
-    np.testing.assert_allclose(step.cardinalities, h.sum(axis=0))
-    np.testing.assert_allclose(step.weight_sums, (h * w).sum(axis=0))
-    for i in range(2):
-        np.testing.assert_allclose(step.means[i], np.average(Z, axis=0, weights=h[:, i] * w[:, i]))
-        np.testing.assert_allclose(step.covariances[i], np.cov(Z.T, aweights=h[:, i] * w[:, i], bias=True))
-
-
-def test_the_likelihood_with_tails_never_falls():
-    Z = np.vstack(
-        [student_samples(4, 200, np.zeros(2), np.eye(2), NU), student_samples(5, 100, [4.0, 0.0], np.eye(2), NU)]
-    )
-    components = replace(spherical([0.5, 0.5], [[-1.0, 0.0], [1.0, 0.0]]), degrees=NU)
-    values = []
-    for _ in range(40):
-        components, value, _ = expectation_maximization(Z, components, no_prior(2), max_iter=2, tol=-np.inf)
-        values.append(value)
-    assert (np.diff(values) > -1e-9).all()
-    assert values[-1] > values[0] + 5.0
-
-
-def test_location_and_scale_of_a_student_distribution_are_found():
-    F = np.array([[2.0, 0.7], [0.7, 0.5]])
-    Z = student_samples(6, 20_000, [1.0, -2.0], F, NU)
-    start = replace(components_of_partition(Z, np.zeros(len(Z), dtype=int), no_prior(2)), degrees=NU)
-    found, _, converged = expectation_maximization(Z, start, no_prior(2), max_iter=200, tol=1e-9)
-    assert converged
-    assert found.degrees == NU
-    np.testing.assert_allclose(found.means[0], [1.0, -2.0], atol=0.03)
-    np.testing.assert_allclose(found.covariances[0], F, rtol=0.04)
