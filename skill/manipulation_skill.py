@@ -26,7 +26,7 @@ from skill.policy.planning_model import VALUE_TIME, PlanningModel
 from skill.policy.prediction import Prediction, Query, SkillExplanation
 from skill.policy.rig_policy import Action
 from skill.policy.transitions import Transitions, transitions
-from skill.regression.bandwidth_selection import tuned_regressor
+from skill.regression.feature_scale_selection import tuned_regressor
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.regression.protocols import Regressor
 from skill.skill_file import POLICIES, SKILL_PARAMETERS, SkillContents, read_skill_file, write_skill_file

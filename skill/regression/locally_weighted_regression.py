@@ -65,7 +65,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         bandwidth: h, in units of the scaled features; for ``bandwidth_type="adaptive"``, in units of the distance to
             the farthest neighbour used. "auto" selects it in ``fit`` by the leave-one-out error of at most 500
             samples, among candidates that go on while the best is the first or the last. Where samples resemble their
-            neighbours in time, this is too narrow: use `select_bandwidth`.
+            neighbours in time, this is too narrow: leave out whole demonstrations, by scikit-learn's ``GroupKFold``.
         bandwidth_type: "fixed" or "adaptive".
         degree: 1 for the local linear model, 0 for the kernel mean.
         ridge: penalty on the squared slope, for scaled features and weights of at most 1; with the default scale it

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from skill.regression.bandwidth_selection import default_bandwidths, select_feature_scale
-from skill.regression.leave_one_out import MAX_LEFT_OUT, searched
+from skill.regression.leave_one_out import MAX_LEFT_OUT, candidate_bandwidths, searched
 from skill.regression.locally_weighted_regression import LWRegressor
 from tests.skill.regression.samples import wavy
+
+
+def default_bandwidths(dut):
+    return candidate_bandwidths(dut.X_, dut.numbers())
 
 
 def linear(n, d, seed, noise=0.0):
@@ -111,16 +114,6 @@ def test_the_selected_bandwidth_is_stored():
     np.testing.assert_array_equal(again.predict(X), dut.predict(X))
 
 
-def test_a_feature_scale_is_selected_for_one_bandwidth():
-    X, Y = wavy(120)
-    groups = np.arange(120) % 6
-    selected = LWRegressor().fit(X, Y).bandwidth_
-    one = select_feature_scale(LWRegressor(), X, Y, groups)
-    other = select_feature_scale(LWRegressor(bandwidth=selected), X, Y, groups)
-    np.testing.assert_array_equal(one.feature_scale, other.feature_scale)
-    assert one.error == other.error
-
-
 def test_the_best_bandwidth_may_lie_beyond_the_candidates():
     """150 samples of two periods have neighbourhoods as wide as the data: the best bandwidth is far below."""
     rng = np.random.default_rng(0)
@@ -128,6 +121,16 @@ def test_the_best_bandwidth_may_lie_beyond_the_candidates():
     y = np.sin(X[:, 0]) + 0.05 * rng.normal(size=150)
     dut = LWRegressor().fit(X, y)
     assert dut.bandwidth_ < 0.5 * default_bandwidths(dut)[0]
+
+
+@pytest.mark.parametrize(("n", "step", "k"), [(40, 1, 5), (330, 3, 5), (40, 1, None)])
+def test_candidates_are_multiples_of_the_median_radius(n, step, k):
+    X = np.random.default_rng(0).normal(size=(n, 3))
+    radii = [np.sort(np.linalg.norm(X - q, axis=1))[(n if k is None else k) - 1] for q in X[::step]]
+    multiples = 2.0 ** np.linspace(-3.0, 2.0, 12)
+    for kind, radius in (("fixed", np.median(radii)), ("adaptive", 1.0)):
+        dut = LWRegressor(1.0, feature_scale=None, n_neighbors=k, bandwidth_type=kind).fit(X, X[:, 0])
+        np.testing.assert_allclose(default_bandwidths(dut), radius * multiples, rtol=1e-12)
 
 
 def test_candidates_go_on_in_both_directions_and_end():
