@@ -7,10 +7,9 @@ import sqlite3
 import struct
 import warnings
 from array import array
-from bz2 import BZ2Decompressor
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,11 +17,7 @@ from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 import pandas as pd
-from lz4.frame import LZ4FrameDecompressor
-from mcap.data_stream import ReadDataStream
 from mcap.reader import SeekingReader
-from mcap.records import Chunk, McapRecord, Message
-from mcap.stream_reader import StreamReader, breakup_chunk
 from numpy.typing import NDArray
 from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import (
@@ -32,12 +27,9 @@ from rosbags.interfaces import (
     MessageDefinition,
     MessageDefinitionFormat,
 )
-from rosbags.rosbag1 import reader as rosbag1_reader
-from rosbags.rosbag2 import storage_mcap
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.msg import normalize_msgtype
-from rosbags.typesys.store import Typestore
-from zstandard import ZstdDecompressor, frame_content_size
+from zstandard import ZstdDecompressor
 
 from skill.data.files import check_regular, no_access, one_line
 from skill.recordings.column_table import ColumnChoice, check_length, select_columns, table_recordings
@@ -66,7 +58,7 @@ UNWRITTEN = ("-wal", "-journal")
 """What SQLite appends to the name of a file with changes that a killed program has left; SQLite completes them."""
 
 ZSTD = b"\x28\xb5\x2f\xfd"
-"""First bytes of a message that rosbag2 has compressed."""
+"""First bytes of a message that rosbag2 has compressed, in a file without the folder that says so."""
 
 REINDEX = "copy what is missing, or let 'ros2 bag reindex' declare what is there"
 REMEDIES = {
@@ -77,10 +69,10 @@ REMEDIES = {
 """What helps with a damaged file, by the ending of its name."""
 
 MAX_RECORD = 100_000_000
-"""Largest number of bytes of a record of MCAP; usual chunks have some megabytes."""
+"""Largest number of bytes of a record of MCAP."""
 
 MAX_UNPACKED = 200_000_000
-"""Largest number of bytes to which a chunk or a message may unpack."""
+"""Largest number of bytes to which a chunk of MCAP may unpack; usual ones have some megabytes."""
 
 NO_DEFINITION = MessageDefinition(MessageDefinitionFormat.NONE, "")
 
@@ -101,15 +93,18 @@ class _McapFile:
         stream: the file, open.
 
     Raises:
-        Exception: as the package mcap; a ValueError if the file does not say how many messages it has.
+        Exception: as the package mcap; a ValueError if the file does not say how many messages it has, or a chunk is
+            larger than ``MAX_UNPACKED``.
     """
 
     def __init__(self, stream: BinaryIO) -> None:
-        self._stream = stream
-        summary = SeekingReader(stream, record_size_limit=MAX_RECORD).get_summary()
+        self._reader = SeekingReader(stream, validate_crcs=True, record_size_limit=MAX_RECORD)
+        summary = self._reader.get_summary()
         if summary is None or summary.statistics is None:
             raise ValueError("no statistics of its messages")
-        self._chunks = summary.chunk_indexes
+        largest = max((chunk.uncompressed_size for chunk in summary.chunk_indexes), default=0)
+        if largest > MAX_UNPACKED:
+            raise ValueError(f"a chunk unpacks to {largest} bytes, expected at most {MAX_UNPACKED}")
         self.connections: list[Connection] = []
         for number, channel in summary.channels.items():
             schema = summary.schemas.get(channel.schema_id)
@@ -123,56 +118,8 @@ class _McapFile:
     def messages(self, connections: Sequence[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
         """Yields the connection, the time of logging, ns, and the content of each message of a topic."""
         by_number = {connection.id: connection for connection in connections}
-        for record in self._records(by_number):
-            if isinstance(record, Message) and record.channel_id in by_number:
-                yield by_number[record.channel_id], record.log_time, record.data
-
-    def _records(self, channels: Mapping[int, Connection]) -> Iterator[McapRecord]:
-        """Yields the records outside of chunks, and those of each chunk that may have messages of the channels."""
-        for record in self._indexed(channels) if self._chunks else self._all():
-            if isinstance(record, Chunk):
-                packing, size, crc = record.compression, record.uncompressed_size, record.uncompressed_crc
-                data = storage_mcap.decompress(record.data, packing, size, crc)
-                yield from breakup_chunk(replace(record, compression="", data=data))
-            else:
-                yield record
-
-    def _indexed(self, channels: Mapping[int, Connection]) -> Iterator[McapRecord]:
-        for index in self._chunks:
-            if not index.message_index_offsets or channels.keys() & index.message_index_offsets.keys():
-                self._stream.seek(index.chunk_start_offset + 9)  # after its mark and its length
-                yield Chunk.read(ReadDataStream(self._stream))
-
-    def _all(self) -> Iterator[McapRecord]:
-        self._stream.seek(0)
-        return StreamReader(self._stream, emit_chunks=True, record_size_limit=MAX_RECORD).records
-
-
-def _from_zstd(data: bytes) -> bytes:
-    """Unpacks a chunk or a message. A frame that declares its size is unpacked without regard to any limit."""
-    if frame_content_size(data) > MAX_UNPACKED:
-        raise ValueError(f"a chunk or message unpacks to more than {MAX_UNPACKED} bytes")
-    return ZstdDecompressor().decompress(data, max_output_size=MAX_UNPACKED)
-
-
-def _from_lz4(data: bytes) -> bytes:
-    return _within_limit(LZ4FrameDecompressor(), data)
-
-
-def _from_bz2(data: bytes) -> bytes:
-    return _within_limit(BZ2Decompressor(), data)
-
-
-def _within_limit(decompressor: LZ4FrameDecompressor | BZ2Decompressor, data: bytes) -> bytes:
-    unpacked: bytes = decompressor.decompress(data, max_length=MAX_UNPACKED)
-    if not decompressor.eof:
-        raise ValueError(f"a chunk is cut off, or unpacks to more than {MAX_UNPACKED} bytes")
-    return unpacked
-
-
-# What rosbags unpacks has no limit of its own.
-storage_mcap.DECOMPRESSORS |= {"zstd": lambda data, _: _from_zstd(data), "lz4": lambda data, _: _from_lz4(data)}
-rosbag1_reader.decompressors |= {"lz4": _from_lz4, "bz2": _from_bz2}
+        for _, channel, message in self._reader.iter_messages(connections[0].topic, log_time_order=False):
+            yield by_number[channel.id], message.log_time, message.data
 
 
 _Reader: TypeAlias = rosbag1.Reader | rosbag2.Reader | _McapFile
@@ -251,10 +198,7 @@ def _opened(path: Path, stack: ExitStack) -> _Reader:
         return _McapFile(stack.enter_context(path.open("rb")))
     if path.suffix == ".bag":
         return stack.enter_context(rosbag1.Reader(path))
-    reader = stack.enter_context(rosbag2.Reader(_completed(path, stack)))
-    if reader.compression_mode == "message":  # what takes the messages unpacks them, up to the limit
-        reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)
-    return reader
+    return stack.enter_context(rosbag2.Reader(_completed(path, stack)))
 
 
 def _completed(path: Path, stack: ExitStack) -> Path:
@@ -308,15 +252,11 @@ def _chosen_topic(connections: Sequence[Connection], wanted: str | None, path: P
 
 
 @cache
-def _types(store: Stores) -> Typestore:
-    return get_typestore(store)
-
-
-def _decoder(connection: Connection) -> Callable[[bytes, str], Any]:
-    """What decodes the messages of a connection."""
-    if isinstance(connection.ext, ConnectionExtRosbag1):
-        return _types(Stores.ROS1_NOETIC).deserialize_ros1
-    return _types(Stores.ROS2_HUMBLE).deserialize_cdr
+def _decoder(*, ros1: bool) -> Callable[[bytes, str], Any]:
+    """What decodes messages of ROS 1, or of ROS 2."""
+    if ros1:
+        return get_typestore(Stores.ROS1_NOETIC).deserialize_ros1
+    return get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr
 
 
 def _take_messages(reader: _Reader, topic: str, samples: _Samples) -> None:
@@ -324,10 +264,10 @@ def _take_messages(reader: _Reader, topic: str, samples: _Samples) -> None:
     connections = [connection for connection in reader.connections if connection.topic == topic]
     if not connections:
         return
-    decoders = {connection.id: _decoder(connection) for connection in connections}
+    decoders = {c.id: _decoder(ros1=isinstance(c.ext, ConnectionExtRosbag1)) for c in connections}
     for connection, logged, data in reader.messages(connections):
         if data.startswith(ZSTD):
-            data = _from_zstd(data)
+            data = ZstdDecompressor().decompress(data)
         message = decoders[connection.id](data, connection.msgtype)
         frame, stamp, wrench = "", 0.0, message
         if connection.msgtype == STAMPED:
