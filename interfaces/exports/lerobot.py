@@ -27,7 +27,7 @@ from skill.data.demonstration import COLUMNS, FORMAT_VERSION, read_demonstration
 from skill.data.files import MAX_LENGTH, one_line, parse_object, read_bounded
 from skill.data.rig_run import RUN_COLUMNS, RUN_VERSION, read_rig_run
 from skill.data.tables import write_table
-from skill.recordings.parquet_file import read_columns
+from skill.recordings.parquet_file import open_parquet, read_columns
 
 ABOUT = "meta/haptic_skill.json"
 HEADER, NAME, OUTCOME = "haptic_skill/header", "haptic_skill/name", "haptic_skill/outcome"
@@ -266,7 +266,7 @@ def write_recording(stored: StoredRecording, kind: str, path: Path) -> None:
 def _recordings(folder: Path, kind: str, headers: pd.DataFrame) -> Iterator[StoredRecording]:
     columns = RECORDINGS[kind].columns
     numbered = {"episode_index": pa.int64(), "frame_index": pa.int64()}
-    tables = _tables(folder, "data", {**numbered, "recording": pa.list_(pa.float64(), len(columns))}, len(columns))
+    tables = _tables(folder, "data", {**numbered, "recording": pa.list_(pa.float64(), len(columns))})
     numbers, frames = (np.concatenate([table[name].to_numpy() for table in tables]) for name in numbered)
     values = np.concatenate([table["recording"].combine_chunks().flatten().to_numpy() for table in tables])
     found = headers["episode_index"].tolist()
@@ -297,12 +297,12 @@ def _is_file_name(name: object) -> bool:
     return isinstance(name, str) and name.isprintable() and Path(name).suffix == ".parquet" and Path(name).name == name
 
 
-def _tables(folder: Path, part: str, types: Mapping[str, pa.DataType | None], width: int = 1) -> list[pa.Table]:
+def _tables(folder: Path, part: str, types: Mapping[str, pa.DataType | None]) -> list[pa.Table]:
     """Some columns of the files of a part of a data set, with a value in each row; None stands for any type."""
     paths = sorted((folder / part).glob("chunk-*/*.parquet"))
     if not paths:
         raise ValueError(f"{folder}: no files {part}/chunk-*/*.parquet")
-    tables = [read_columns(path, lambda _: list(types), width=width) for path in paths]
+    tables = [read_columns(open_parquet(path), list(types), path) for path in paths]
     for path, table in zip(paths, tables, strict=True):
         for name, kind in types.items():
             column = table[name]

@@ -98,7 +98,7 @@ def select_columns(names: Sequence[str], where: str, choice: ColumnChoice, units
         units: see `skill.recordings.columns.choose_columns`.
 
     Raises:
-        ValueError: if columns are missing, ambiguous or there twice. The message names the file.
+        ValueError: if columns are missing or ambiguous. The message names the file.
     """
     selection = Selection(
         choose_columns(names, choice.columns, where, units, rows=choice.sampling_rate is not None),
@@ -109,9 +109,6 @@ def select_columns(names: Sequence[str], where: str, choice: ColumnChoice, units
     time = selection.columns[0].name
     if choice.sampling_rate is not None and time != ROWS:
         raise ValueError(f"{where}: has a time, in column '{time}'; expected no sampling rate")
-    twice = [name for name in selection.names if list(names).count(name) > 1]
-    if twice:
-        raise ValueError(f"{where}: columns {twice} occur more than once")
     return selection
 
 

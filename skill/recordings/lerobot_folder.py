@@ -18,7 +18,7 @@ from skill.arrays import Array
 from skill.data.files import MAX_LENGTH, no_access, one_line, parse_object, read_bounded
 from skill.recordings.column_table import ColumnChoice, Selection, check_length, select_columns, table_recordings
 from skill.recordings.columns import FORCES, MOMENTS, PHASE_COLUMNS, channel_of, label_column, listed
-from skill.recordings.parquet_file import check_type, plain_column, read_columns
+from skill.recordings.parquet_file import open_parquet, plain_column, read_columns
 from skill.recordings.recording import MAX_SAMPLES, Recording
 
 FEATURES = ("observation.wrench", "observation.environment_state", "observation.state")
@@ -135,14 +135,7 @@ def _part(path: Path, feature: str, names: list[str], phase: str | None, fps: fl
     """The frames of one Parquet file as a table of the time, the numbers of the feature, episode and phase."""
     numbers = (_TIMESTAMP, _FRAME, _EPISODE)
     labels = [] if phase is None or phase in numbers else [phase]
-
-    def choose(schema: pa.Schema) -> list[str]:
-        for name in (*numbers, *labels):
-            if schema.names.count(name) == 1:  # else the error is another one
-                check_type(schema.field(name), str(path), number=name in numbers)
-        return [feature, *numbers, *labels]
-
-    rows = read_columns(path, choose, width=len(names))
+    rows = read_columns(open_parquet(path), [feature, *numbers, *labels], path)
     found = {
         name: plain_column(rows[name], f"{path}: column '{name}'", number=name in numbers)
         for name in (*numbers, *labels)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,92 +40,54 @@ def read_parquet_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Reco
     A column of time stamps, durations or times of the day is a time in its own unit. In a demonstration or a rig run of
     this program the action of the operator (``rx ry rz``) is no orientation, and is left out unless the user names it.
     """
-    chosen: list[Selection] = []
-
-    def choose(schema: pa.Schema) -> Sequence[str]:
-        own = any(kind in (schema.metadata or {}) for kind in _OWN_KINDS)
-        named = {text.partition("=")[2].strip().partition(":")[0] for text in choice.columns}
-        names = dict.fromkeys(name for name in schema.names if not (own and name in ACTIONS and name not in named))
-        chosen.append(select_columns(list(names), str(path), choice))
-        time, *_ = chosen[0].columns
-        for name in chosen[0].names:
-            field = schema.field(schema.names.index(name))
-            if not (name == time.name and _is_time(field.type)):
-                option = {chosen[0].trial: "--trial-column", chosen[0].phase: "--phase-column"}.get(name)
-                remedy = f"; {option} '' leaves it out" if option else ""
-                check_type(field, str(path), number=name in chosen[0].numbers, remedy=remedy)
-        return chosen[0].names
-
-    rows = read_columns(path, choose)
-    [selection] = chosen
+    file = open_parquet(path)
+    schema = file.schema_arrow
+    own = any(kind in (schema.metadata or {}) for kind in _OWN_KINDS)
+    named = {text.partition("=")[2].strip().partition(":")[0] for text in choice.columns}
+    names = dict.fromkeys(name for name in schema.names if not (own and name in ACTIONS and name not in named))
+    selection = select_columns(list(names), str(path), choice)
+    rows = read_columns(file, selection.names, path)
     return table_recordings(*_frame(rows, selection, path), str(path), path.name)
 
 
-def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, width: int = 1) -> pa.Table:
-    """Reads some columns of a Parquet file, after checking to what they would unpack.
-
-    Args:
-        path: file to read.
-        choose: returns the names of the columns to read; it is given the schema, with the metadata of the file. Its
-            errors are passed on.
-        width: largest number of numbers of a row in a column of lists.
+def open_parquet(path: Path) -> pq.ParquetFile:
+    """Opens a Parquet file in memory.
 
     Raises:
         ValueError: if the file is missing, damaged or too large. The message names it.
     """
     with named_parquet_errors(path):
-        data = read_bounded(Path(path), MAX_BYTES)
+        data = read_bounded(path, MAX_BYTES)
         check_seal(data, required=False)
-        metadata = pq.read_metadata(pa.BufferReader(data))
-        groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
-        chunks = [group.column(k) for group in groups for k in range(metadata.num_columns)]
-        schema = metadata.schema.to_arrow_schema().with_metadata(metadata.metadata)
-    rows = max(metadata.num_rows, sum(group.num_rows for group in groups))
-    check_length(rows, str(path))
-    names = list(dict.fromkeys(choose(schema)))
-    missing = [name for name in names if name not in schema.names]
-    if missing:
-        raise ValueError(f"{path}: no column {listed(missing)}; columns are {listed(schema.names)}")
-    twice = [name for name in names if schema.names.count(name) > 1]
-    if twice:
-        raise ValueError(f"{path}: columns {listed(twice)} occur more than once; rename all but one")
-    size, counts = 0, Counter[str]()
-    for chunk in chunks:
-        # PyArrow reads "a.b" too where "a" is asked for.
-        if any(chunk.path_in_schema == name or chunk.path_in_schema.startswith(f"{name}.") for name in names):
-            size += chunk.total_uncompressed_size
-            counts[chunk.path_in_schema] += chunk.num_values
-    values = max(counts.values(), default=0)
-    if size > MAX_UNPACKED or values > rows * width:
-        raise ValueError(
-            f"{path}: columns {listed(names)} unpack to {size / 1e6:.0f} MB and {values} values in {rows} rows,"
-            f" expected at most {MAX_UNPACKED / 1e6:.0f} MB and {width} values in a row"
-        )
-    texts = [name for name in names if pa.types.is_string(schema.field(name).type)]
-    with named_parquet_errors(path):
-        file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=texts, page_checksum_verification=True)
-        table: pa.Table = file.read(columns=names)
-        return table.select(names).replace_schema_metadata(None)
+        file = pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True)
+    check_length(file.metadata.num_rows, str(path))
+    return file
 
 
-def check_type(field: pa.Field, where: str, *, number: bool, remedy: str = "") -> None:
-    """Refuses a column whose type holds no numbers, or no labels: numbers, texts, truth values and times.
+def read_columns(file: pq.ParquetFile, names: Sequence[str], path: Path) -> pa.Table:
+    """Reads some columns of a Parquet file, after checking to what they unpack.
 
     Raises:
-        ValueError: naming the column, its type and the remedy.
+        ValueError: if a column is missing or there twice, or the columns are damaged or too large.
     """
-    types, kind = pa.types, field.type
-    if types.is_dictionary(kind):
-        kind = kind.value_type
-    numeric = types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind) or types.is_null(kind)
-    if types.is_nested(kind) or (number and not numeric):
-        expected = "numbers" if number else "single values"
-        raise ValueError(f"{where}: column '{field.name}' has type {str(field.type)[:60]}, expected {expected}{remedy}")
-
-
-def _is_bytes(kind: pa.DataType) -> bool:
-    types = pa.types
-    return bool(types.is_binary(kind) or types.is_large_binary(kind) or types.is_binary_view(kind))
+    found = file.schema_arrow.names
+    missing = [name for name in names if name not in found]
+    if missing:
+        raise ValueError(f"{path}: no column {listed(missing)}; columns are {listed(found)}")
+    twice = [name for name in names if found.count(name) > 1]
+    if twice:
+        raise ValueError(f"{path}: columns {listed(twice)} occur more than once; rename all but one")
+    groups = [file.metadata.row_group(k) for k in range(file.num_row_groups)]
+    chunks = [group.column(k) for group in groups for k in range(file.metadata.num_columns)]
+    paths = (*names, *(f"{name}.list.element" for name in names))
+    size = sum(chunk.total_uncompressed_size for chunk in chunks if chunk.path_in_schema in paths)
+    if size > MAX_UNPACKED:
+        raise ValueError(
+            f"{path}: columns {listed(names)} unpack to {size / 1e6:.0f} MB, expected at most"
+            f" {MAX_UNPACKED / 1e6:.0f} MB"
+        )
+    with named_parquet_errors(path):
+        return file.read(columns=names).select(names)
 
 
 def _is_time(kind: pa.DataType) -> bool:
@@ -134,15 +95,20 @@ def _is_time(kind: pa.DataType) -> bool:
 
 
 def plain_column(column: pa.ChunkedArray, where: str, *, number: bool) -> pd.Series:
-    """Returns a column of a type that `check_type` accepts, as numbers or labels.
+    """Returns a column as numbers, or as labels: numbers, texts, truth values and times.
 
     Raises:
-        ValueError: if its bytes are no text in UTF-8. The message begins with ``where``.
+        ValueError: if its type holds neither, or its bytes are no text in UTF-8. The message begins with ``where``.
     """
-    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
-    if number and not pa.types.is_integer(column.type):
+    types, kind = pa.types, column.type.value_type if pa.types.is_dictionary(column.type) else column.type
+    numeric = types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind) or types.is_null(kind)
+    if number and not numeric:
+        raise ValueError(f"{where} has type {str(kind)[:60]}, expected numbers")
+    if types.is_nested(kind):
+        raise ValueError(f"{where} has type {str(kind)[:60]}, expected single values; an empty name leaves it out")
+    if number and not types.is_integer(column.type):
         column = column.cast(kind).cast(pa.float64())
-    elif _is_bytes(kind):
+    elif types.is_binary(kind) or types.is_large_binary(kind) or types.is_binary_view(kind):
         try:
             column = column.cast(kind).cast(pa.string())
         except pa.ArrowInvalid:

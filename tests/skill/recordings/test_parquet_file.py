@@ -11,7 +11,7 @@ import pytest
 
 from skill.recordings import column_table, parquet_file
 from skill.recordings.column_table import ColumnChoice
-from skill.recordings.parquet_file import read_columns, read_parquet_file
+from skill.recordings.parquet_file import open_parquet, read_columns, read_parquet_file
 from tests.scripts.commands import run_python
 from tests.skill.recordings.wrench_messages import read_with_changed_bytes, series, write_db3
 
@@ -140,9 +140,9 @@ def test_columns_of_other_types_are_refused(tmp_path, column, kind):
     pq.write_table(rows.append_column(column, NO_NUMBERS[kind]), tmp_path / "a.parquet")
     refused(tmp_path / "a.parquet", f"column '{column}' has type {kind}")
     if column not in ("fx", "time"):  # labels can be left out
-        option = "phase" if column == "phase" else "trial"
-        refused(tmp_path / "a.parquet", f"expected single values; --{option}-column '' leaves it out")
-        assert len(read_parquet_file(tmp_path / "a.parquet", ColumnChoice(**{f"{option}_column": ""}))) == 1
+        refused(tmp_path / "a.parquet", "expected single values; an empty name leaves it out")
+        option = "phase_column" if column == "phase" else "trial_column"
+        assert len(read_parquet_file(tmp_path / "a.parquet", ColumnChoice(**{option: ""}))) == 1
 
 
 def test_bytes_that_are_no_text_are_refused(tmp_path):
@@ -235,7 +235,7 @@ def test_what_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(parquet_file, "MAX_UNPACKED", 400_000)
     read_parquet_file(path, ColumnChoice(["time=time:ms"]))  # the note is not unpacked
     monkeypatch.setattr(parquet_file, "MAX_UNPACKED", 240_000)
-    refused(path, "expected at most 0 MB and 1 values in a row", columns=["time=time:ms"])
+    refused(path, "unpack to 0 MB, expected at most 0 MB", columns=["time=time:ms"])
     monkeypatch.setattr(parquet_file, "MAX_UNPACKED", 400_000)
     monkeypatch.setattr(column_table, "MAX_SAMPLES", 4999)
     refused(path, "5000 samples, expected at most 4999")
@@ -243,17 +243,9 @@ def test_what_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
     refused(path, "MB, expected at most 0 MB")
 
 
-def test_lists_longer_than_their_width_are_refused_before_they_are_unpacked(tmp_path):
-    path = tmp_path / "a.parquet"
-    pq.write_table(pa.table({"a": [[0.0] * 7] * 10}), path)
-    assert read_columns(path, lambda _: ["a"], width=7).num_rows == 10
-    with pytest.raises(ValueError, match=r"unpack to 0 MB and 70 values in 10 rows, expected .* 6 values in a row"):
-        read_columns(path, lambda _: ["a"], width=6)
-
-
 def test_a_column_within_another_name_is_not_mixed_up(tmp_path):
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table({"a": [1.0, 2.0], "a.b": [3.0, 4.0]}), path)
-    assert read_columns(path, lambda _: ["a"]).to_pydict() == {"a": [1.0, 2.0]}
+    assert read_columns(open_parquet(path), ["a"], path).to_pydict() == {"a": [1.0, 2.0]}
     with pytest.raises(ValueError, match=r"no column \['c'\]; columns are \['a', 'a\.b'\]"):
-        read_columns(path, lambda _: ["c"])
+        read_columns(open_parquet(path), ["c"], path)
