@@ -29,7 +29,7 @@ MAX_FILES = 10_000
 MAX_WIDTH = 1000
 """Largest number of numbers of a feature in one frame."""
 
-_EPISODE, _FRAME, _TIMESTAMP = "episode_index", "frame_index", "timestamp"
+_EPISODE, _FRAME = "episode_index", "frame_index"
 
 
 def read_lerobot_folder(
@@ -133,24 +133,15 @@ def _names(path: Path, name: str, feature: dict[str, Any]) -> list[str]:
 
 def _part(path: Path, feature: str, names: list[str], phase: str | None, fps: float) -> pd.DataFrame:
     """The frames of one Parquet file as a table of the time, the numbers of the feature, episode and phase."""
-    numbers = (_TIMESTAMP, _FRAME, _EPISODE)
-    labels = [] if phase is None or phase in numbers else [phase]
-    rows = read_columns(open_parquet(path), [feature, *numbers, *labels], path)
-    found = {
-        name: plain_column(rows[name], f"{path}: column '{name}'", number=name in numbers)
-        for name in (*numbers, *labels)
-    }
-    frames, stamps = (found[name].to_numpy(dtype=float) for name in (_FRAME, _TIMESTAMP))
-    time = frames / fps
-    off = np.abs(stamps - time)
-    if not np.all(off <= 0.5 / fps):
-        row = int(np.argmax(~(off <= 0.5 / fps)))
-        raise ValueError(
-            f"{path}: timestamp {stamps[row]:g} s in row {row}, expected frame_index / fps = {time[row]:g} s"
-        )
+    labels = [_EPISODE] if phase in (None, _EPISODE) else [_EPISODE, phase]
+    rows = read_columns(open_parquet(path), list(dict.fromkeys([feature, _FRAME, *labels])), path)
+
+    def column(name: str) -> pd.Series:
+        return plain_column(rows[name], f"{path}: column '{name}'", number=name in (_FRAME, _EPISODE))
+
     table = pd.DataFrame(_numbers(rows[feature], len(names), feature, path), columns=names)
-    table.insert(0, "time", time)
-    return table.assign(**{label: found[label].to_numpy() for label in found if label in (_EPISODE, phase)})
+    table.insert(0, "time", column(_FRAME).to_numpy(dtype=float) / fps)
+    return table.assign(**{label: column(label).to_numpy() for label in labels})
 
 
 def _numbers(column: pa.ChunkedArray, width: int, name: str, path: Path) -> Array:
