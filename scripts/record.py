@@ -270,8 +270,8 @@ def announced_page(
     import sys
     import webbrowser
 
-    from interfaces.live.page import open_live_page
     from interfaces.live.access import LOCAL_HOST
+    from interfaces.live.page import open_live_page
     from interfaces.terminal import say
 
     page = open_live_page(host=host or LOCAL_HOST, port=port)

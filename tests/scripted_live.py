@@ -15,8 +15,8 @@ import typer
 from pydrake.math import RigidTransform
 
 from experiments.outputs.output_set import open_live_folder
-from interfaces.live.page import LivePage
 from interfaces.live.access import LOCAL_HOST
+from interfaces.live.page import LivePage
 from interfaces.live.session import GOOD, QUIT, START, LiveSession, live_scenario
 from interfaces.terminal import report_errors, say
 from models.scenario import load_scenario
