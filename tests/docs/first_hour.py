@@ -23,8 +23,7 @@ from selenium.webdriver.common.keys import Keys
 
 from docs._tools.pictures import PICTURES, ROOT, reduced, write
 from tests.browser import Page
-from tests.interfaces.live.live_session import Session, press, served, text_of, wait_for_text
-from tests.interfaces.live.panel_page import FLAWS
+from tests.interfaces.live.live_session import FLAWS, Session, press, served, text_of, wait_for_text
 from tests.interfaces.live.people import insert_by_feel, push
 
 SCREEN = (1280, 720)

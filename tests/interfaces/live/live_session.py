@@ -23,6 +23,55 @@ QUICK = {
     "recorder": {"time_limit": 60.0, "rough_force": 500.0},
 }
 
+# Parts of the page that lie over each other, over the peg or outside the window, and readings that are cut off.
+FLAWS = """
+  const box = e => e.getBoundingClientRect(), shown = e => e.offsetParent !== null || box(e).height > 0;
+  const over = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+  const inside = (a, b) => a.left > b.left - 1 && a.right < b.right + 1 && a.top > b.top - 1 && a.bottom < b.bottom + 1;
+  const page = {left: 0, top: 0, right: innerWidth, bottom: innerHeight};
+  const found = [], ids = ["status", "slow", "card", "controls", "guide", "strip"];
+  const parts = ids.map(id => document.getElementById(id)).filter(shown);
+  parts.forEach((a, k) => {
+    if (!inside(box(a), page)) found.push(a.id + " is partly outside the window");
+    parts.slice(k + 1).forEach(b => over(box(a), box(b)) && found.push(a.id + " over " + b.id));
+  });
+
+  const peg = {left: 1e9, right: -1e9, top: 1e9, bottom: -1e9};
+  viewer.scene_tree.find(["drake", "plant", "peg"]).object.traverse(mesh => {
+    if (!mesh.isMesh) return;
+    mesh.updateWorldMatrix(true, false);
+    mesh.geometry.computeBoundingBox();
+    const {min, max} = mesh.geometry.boundingBox;
+    for (let corner = 0; corner < 8; corner += 1) {
+      const end = axis => (corner >> "xyz".indexOf(axis) & 1 ? max : min)[axis];
+      const point = viewer.camera.position.clone().set(end("x"), end("y"), end("z"));
+      point.applyMatrix4(mesh.matrixWorld).project(viewer.camera);
+      const x = (1 + point.x) / 2 * innerWidth, y = (1 - point.y) / 2 * innerHeight;
+      Object.assign(peg, {left: Math.min(peg.left, x), right: Math.max(peg.right, x)});
+      Object.assign(peg, {top: Math.min(peg.top, y), bottom: Math.max(peg.bottom, y)});
+    }
+  });
+  if (peg.left > peg.right) found.push("no peg");
+  for (const part of parts)
+    if (part.parentElement.id !== "messages" && over(box(part), peg)) found.push(part.id + " over the peg");
+
+  const readings = ["force", "moment", "depth", "gauge-text", "contact-load", "contact-peak", "contact-limit",
+    "contact-note", "dial", "skill-state", "skill-feed", "skill-rate", "rate", "pictures", "kept", "status",
+    "guide-show", "guide-text", "guide-skip"];
+  for (const id of readings) {
+    const element = document.getElementById(id), panel = element.closest(".panel");
+    if (!shown(element)) continue;
+    const text = document.createRange();
+    text.selectNodeContents(element);
+    if (!inside(box(text), box(panel))) found.push(id + " is cut off");
+  }
+  for (const element of document.querySelectorAll("#card td, .spread")) {
+    const isCut = element.scrollWidth > element.clientWidth + 1;
+    if (shown(element) && isCut) found.push(element.textContent + " is cut off");
+  }
+  return found;
+"""
+
 
 class Session:
     """The command line in a process of its own."""

@@ -3,11 +3,9 @@
 import time
 
 from selenium.webdriver.common.action_chains import ActionChains
-from selenium.webdriver.common.keys import Keys
 
 from tests.interfaces.live.live_session import text_of, wait_for_text
 
-UPRIGHT = 0.2  # tilt that the person leaves, degrees
 STEP = 0.1  # of a press of an arrow, degrees
 TOUCH, GENTLE, ROUGH = 1.0, 6.0, 15.0  # contact load that is a touch, that is held, and that is too much, N
 FASTEST = 3  # presses of an arrow in a tenth of a second
@@ -17,36 +15,6 @@ DEADLINE = 40.0  # in units of s, for a demonstration
 def tap(page, keys):
     """Presses keys one after another, as fast as the browser takes them."""
     ActionChains(page.driver).send_keys(keys).perform()
-
-
-def tilt(page):
-    """The tilt of the peg as the dial shows it, degrees to the right and away from the person."""
-    shown = page.run("const t = document.getElementById('tilt'); return [t.getAttribute('x2'), t.getAttribute('y2')]")
-    return float(shown[0]) / 10.0, -float(shown[1]) / 10.0
-
-
-def insert(page, watch=lambda: None):
-    """Starts a demonstration, draws the peg back a little, levels it, and feeds it to the floor.
-
-    It calls `watch` all the time.
-    """
-    right, away = tilt(page)
-    tap(page, " ")
-    wait_for_text(page, "status", "recording")
-    tap(page, "ss")
-    end = time.monotonic() + DEADLINE
-    while "recording" in text_of(page, "status"):
-        assert time.monotonic() < end, text_of(page, "status")
-        for angle, less, more in ((right, Keys.ARROW_RIGHT, Keys.ARROW_LEFT), (away, Keys.ARROW_UP, Keys.ARROW_DOWN)):
-            tap(page, (less if angle < 0 else more) * round(abs(angle) / STEP))
-        pause = time.monotonic() + 0.6  # the hand follows at 8 degrees a second
-        while time.monotonic() < pause:
-            watch()
-            time.sleep(0.05)
-        right, away = tilt(page)
-        if max(abs(right), abs(away)) < UPRIGHT:
-            right = away = 0.0
-            tap(page, "w" * 6)
 
 
 BY_FEEL = """  // a person at the keys, ten times a second

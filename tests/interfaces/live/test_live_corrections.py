@@ -13,7 +13,7 @@ from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
 from tests.campaign import is_alive
 from tests.interfaces.live.live_session import press, served, text_of, wait_for_text
-from tests.interfaces.live.people import insert
+from tests.interfaces.live.people import insert_by_feel
 from tests.query_states import write_stuck_skill
 
 pytestmark = pytest.mark.slow
@@ -55,15 +55,15 @@ def test_a_skill_practises_is_shown_learns_and_performs_on_one_page(place, tmp_p
     out = tmp_path / "live"
     with sit(place, tmp_path, demonstration_folder) as session:
         with session.page() as page:
-            wait_for_text(page, "status", "the skill practises: 1 trials|show me")
-            wait_for_text(page, "status", r"show me: 1 of 1, stuck at [0-9.]+ mm, [0-9.]+°, .*; Space starts")
+            shown = r"show me: 1 of 1, stuck at [0-9.]+ mm, [0-9.]+°, .*; Space starts"
+            wait_for_text(page, "status", shown, timeout=120.0)
             press(page, " ")
             session.wait_for("recording:")
         session.wait_for("the page was closed: demonstration discarded")
         with session.page() as page:
             wait_for_text(page, "status", "the page was closed")
             page.wait("document.body.innerText.includes('skip the pose')")
-            insert(page)
+            insert_by_feel(page)
             wait_for_text(page, "status", "inserted: G keep as good")
             before = page.screenshot()
             press(page, "g")
