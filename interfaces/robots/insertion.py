@@ -260,11 +260,11 @@ class ArmSession:
         """Returns the wrench (6,) of the contact on the peg about its tip, in P."""
         wrench = self.tool.contact(self._reading(state), X_WP.rotation().matrix())
         force = float(np.linalg.norm(wrench[:3]))
-        if force > FORCE_LIMIT:
+        if not force <= FORCE_LIMIT:  # nor is a force that is no number
             self._halt(f"a force of {force:.0f} N, beyond {FORCE_LIMIT:g} N")
         axis, p = X_WP.rotation().col(2), X_WP.translation()
         aside = float(np.linalg.norm(p - axis * (p @ axis)))
-        if aside > SIDE_LIMIT:
+        if not aside <= SIDE_LIMIT:
             self._halt(f"the peg is {1e3 * aside:.1f} mm beside the hole, beyond {1e3 * SIDE_LIMIT:g} mm")
         return wrench_at_tip(wrench, self.scenario.sensor.height)
 
