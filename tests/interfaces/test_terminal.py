@@ -43,8 +43,9 @@ def test_control_characters_are_printed_as_escape_sequences(capsys):
     with pytest.raises(SystemExit):
         raising(ValueError("a\x1b[2J\r\x9bb\u202e\udcff: no [file] \nin größe"))()
     assert capsys.readouterr().err == "error: a\\x1b[2J\\r\\x9bb\\u202e\\udcff: no [file] in größe\n"
-    terminal.say("a\nb\x1b[1m: 3 runs, 5 °, [x]")
-    assert capsys.readouterr().out == "a\\nb\\x1b[1m: 3 runs, 5 °, [x]\n"
+    words = "word " * 50
+    terminal.say(f"a\nb\x1b[1m: 3 runs, 5 °, [bold]x.npz :bug: {words}.")
+    assert capsys.readouterr().out == f"a\\nb\\x1b[1m: 3 runs, 5 °, [bold]x.npz :bug: {words}.\n"
 
 
 def test_a_warning_is_one_line_on_stderr_without_the_code_that_issued_it(capsys):
@@ -118,13 +119,7 @@ def test_a_defect_keeps_its_traceback(error):
         raising(error)()
 
 
-# -------------------------------------------------------------- plain text
-
-
-def test_text_is_printed_exactly_as_it_is_written(capsys):
-    text = "out/[bold]x.npz :bug: " + "word " * 50 + "."
-    terminal.say(text)
-    assert capsys.readouterr().out == f"{text}\n"
+# --------------------------------------------------------- text and files
 
 
 def test_notes_of_a_progress_bar_are_not_markup(capsys):
@@ -135,19 +130,10 @@ def test_notes_of_a_progress_bar_are_not_markup(capsys):
     assert "[bold]note[/x]" in output
 
 
-# --------------------------------------------------------------- JSON files
-
-
-def test_a_json_file_is_complete_and_ends_with_a_line_break(tmp_path):
+def test_a_value_that_json_cannot_hold_leaves_the_old_file(tmp_path):
     path = tmp_path / "new" / "results.json"
     terminal.write_json(path, {"a": [1, 2.5, None]})
-    assert json.loads(path.read_text()) == {"a": [1, 2.5, None]}
-    assert path.read_text().endswith("}\n")
-
-
-def test_a_value_that_json_cannot_hold_leaves_the_old_file(tmp_path):
-    path = tmp_path / "results.json"
-    terminal.write_json(path, 1)
     with pytest.raises(TypeError):
         terminal.write_json(path, object())
-    assert json.loads(path.read_text()) == 1
+    assert json.loads(path.read_text()) == {"a": [1, 2.5, None]}
+    assert path.read_text().endswith("}\n")

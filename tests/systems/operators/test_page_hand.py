@@ -152,10 +152,6 @@ def test_a_gamepad_that_is_disconnected_stops_the_hand():
     before = person.wait(0.2)[0]
     person.event(type="gamepad", name="", gamepad={})
     assert person.wait(0.5)[0] == pytest.approx(before, abs=1.1 * SETTLING_TIME * MAX_RATES[0])
-    person.push(right_y=1.0)
-    before = person.wait(0.2)[0]
-    person.controls.forget(BROWSER)  # its page was closed
-    assert person.wait(0.5)[0] == pytest.approx(before, abs=1.1 * SETTLING_TIME * MAX_RATES[0])
 
 
 def test_a_slider_that_is_moved_replaces_the_target_of_a_stick():
@@ -185,7 +181,6 @@ def test_the_sliders_have_their_ranges_steps_and_keys():
     assert [s["name"] for s in shown] == LABELS
     assert [(s["min"], s["max"]) for s in shown] == [(-10, 40), (-5, 5), (-5, 5), (-5, 5), (-5, 5)]
     assert [s["step"] for s in shown] == [0.5, 0.1, 0.1, 0.05, 0.05]
-    assert [s["value"] for s in shown] == [0.0] * 5
     arrows = {"←": "ArrowLeft", "→": "ArrowRight", "↓": "ArrowDown", "↑": "ArrowUp"}
     for s in shown:
         named = s["name"][s["name"].index("(") + 1 : -1].split()

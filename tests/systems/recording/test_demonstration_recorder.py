@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 from skill.data.demonstration import ACTIONS, CHANNELS, COLUMNS, validate_samples
 from systems.math.rotation import from_rotation_vector
 from systems.recording.demonstration_recorder import DemonstrationRecorder, demonstration_sample
-from tests.stepping import fixed_context
 
 PERIOD = 0.02
 NAMES = (*CHANNELS, *ACTIONS)
@@ -57,17 +56,7 @@ def test_a_general_row_agrees_with_scipy():
     np.testing.assert_allclose(row, expected, atol=1e-9)
 
 
-def test_an_upright_peg_has_the_z_axis_and_angle_zero():
-    still = pose([0, 0, 0], [0, 0, 0])
-    row = named(
-        demonstration_sample(
-            X_HP=still, contact_wrench_W=np.zeros(6), X_HD=still, R_HP_previous=still.rotation(), X_HD_previous=still
-        )
-    )
-    assert (row["ax"], row["ay"], row["az"], row["angle"], row["dangle"]) == (0.0, 0.0, 1.0, 0.0, 0.0)
-
-
-@pytest.mark.parametrize("turn", [1e-11, 1e-13, 1e-100, 1e-155, 3e-162, 1e-162, 1e-310])
+@pytest.mark.parametrize("turn", [1e-11, 1e-13, 1e-155, 3e-162, 1e-310, 0.0])
 def test_the_axis_of_a_peg_that_is_all_but_upright_has_unit_length(turn):
     """A person who levels the peg comes as near to zero as the numbers reach; the row must not spoil the recording."""
     X_HP = RigidTransform(Quaternion([1.0, 0.6 * turn, -0.7 * turn, 0.2 * turn]), [0.0, 0.0, -0.01])
@@ -81,18 +70,6 @@ def test_the_axis_of_a_peg_that_is_all_but_upright_has_unit_length(turn):
     )
     assert np.linalg.norm(row[9:12]) == pytest.approx(1.0, abs=1e-9)
     assert row[12] == pytest.approx(2.0 * turn * math.sqrt(0.89) if turn > 1e-12 else 0.0)
-
-
-def test_the_first_row_is_the_motion_since_the_start():
-    start = pose([0.05, 0.0, 0.0], [0.0, 0.0, 0.003])
-    dut = DemonstrationRecorder(period=PERIOD, X_HP_start=start)
-    moved = pose([0.05, 0.0, 0.0], [0.0, 0.0, 0.002])
-    context = fixed_context(dut, peg_state=peg_state(start), contact_wrench=np.zeros(6), probe_pose=moved)
-    row = named(dut.GetOutputPort("sample").Eval(context))
-    np.testing.assert_allclose(
-        [row[f"u{c}"] for c in "xyz"], start.rotation().inverse().multiply(np.array([0, 0, -0.001])), atol=1e-15
-    )
-    assert row["dangle"] == pytest.approx(0.0, abs=1e-12)
 
 
 class Hand(LeafSystem):
