@@ -5,10 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform
 
 import systems.operators.space_mouse
-from systems.math.rotation import rotation_vector
 from systems.operators.person_frame import R_HV
 from systems.operators.space_mouse import SpaceMouse
 
@@ -57,38 +55,29 @@ def report(channel, x, y, z):
     return struct.pack("<Bhhh", channel, x, y, z)
 
 
-def lean(X: RigidTransform):
-    """Direction of the peg's axis in the frame of the person: right, away, up."""
-    return R_HV.inverse() @ X.rotation().col(2)
-
-
 @pytest.mark.parametrize(
-    ("counts", "direction"),
-    [((FULL, 0, 0), (1, 0, 0)), ((0, FULL, 0), (0, -1, 0)), ((0, 0, FULL), (0, 0, -1)), ((10, -10, 10), (0, 0, 0))],
+    ("channel", "counts", "moved", "leaned"),
+    [
+        (1, (FULL, 0, 0), (1, 0, 0), (0, 0)),
+        (1, (0, FULL, 0), (0, -1, 0), (0, 0)),
+        (1, (0, 0, FULL), (0, 0, -1), (0, 0)),
+        (2, (FULL, 0, 0), (0, 0, 0), (0, -1)),
+        (2, (-FULL, 0, 0), (0, 0, 0), (0, 1)),
+        (2, (0, FULL, 0), (0, 0, 0), (-1, 0)),
+        (2, (0, 0, FULL), (0, 0, 0), (0, 0)),
+    ],
 )
-def test_a_push_moves_the_hand_in_its_direction(receiver, counts, direction):
-    """By 30 mm in a second."""
+def test_a_deflection_moves_the_hand_or_leans_the_peg_in_its_direction(receiver, channel, counts, moved, leaned):
+    """By 30 mm or 8 degrees in a second; turns are right-handed about the HID axes. It lasts until the next report."""
     dut = SpaceMouse()
-    receiver.reports = [report(1, *counts)]
-    for _ in range(5):
-        X = dut.read_pose()  # the deflection lasts until the next report
-    np.testing.assert_allclose(R_HV.inverse() @ X.translation(), 0.05 * 0.030 * np.array(direction), atol=1e-12)
-    np.testing.assert_allclose(rotation_vector(X.rotation()), 0.0, atol=1e-12)
-    receiver.reports = [report(1, 0, 0, 0)]
-    assert dut.read_pose().IsExactlyEqualTo(dut.read_pose())
-
-
-@pytest.mark.parametrize(
-    ("counts", "direction"),
-    [((FULL, 0, 0), (0, -1)), ((-FULL, 0, 0), (0, 1)), ((0, FULL, 0), (-1, 0)), ((0, 0, FULL), (0, 0))],
-)
-def test_a_tilt_leans_the_peg_in_its_direction(receiver, counts, direction):
-    """By 8 degrees in a second. Turns are right-handed about the HID axes: x right, y towards the person, z down."""
-    dut = SpaceMouse()
-    receiver.reports = [report(2, *counts)]
+    receiver.reports = [report(channel, *counts)]
     for _ in range(5):
         X = dut.read_pose()
-    np.testing.assert_allclose(lean(X)[:2], np.sin(0.05 * np.radians(8.0)) * np.array(direction), atol=1e-12)
+    np.testing.assert_allclose(R_HV.inverse() @ X.translation(), 0.05 * 0.030 * np.array(moved), atol=1e-12)
+    lean = R_HV.inverse() @ X.rotation().col(2)  # of the peg's axis in the frame of the person
+    np.testing.assert_allclose(lean[:2], np.sin(0.05 * np.radians(8.0)) * np.array(leaned), atol=1e-12)
+    receiver.reports = [report(channel, 0, 0, 0)]
+    assert dut.read_pose().IsExactlyEqualTo(dut.read_pose())
 
 
 @pytest.mark.parametrize(("share", "moves"), [(0.04, False), (-0.04, False), (0.06, True), (-0.06, True)])

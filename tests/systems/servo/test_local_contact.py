@@ -11,7 +11,6 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem
 
-from experiments.demonstration_run import DemonstrationRun
 from models.scenario import DEMONSTRATION_STREAM, load_scenario, resolve_scenario
 from systems.math.rotation import from_rotation_vector
 from systems.servo.local_contact import MAX_SPRINGS, LocalContact, Springs
@@ -78,40 +77,6 @@ def test_faces_are_joined_by_the_direction_in_which_they_push():
     assert sorted(joined.forces) == [1 + 2, 4, 8, 16 + 32, 64]
 
 
-@pytest.fixture(scope="module")
-def pressed():
-    """An environment whose probe has pressed the tilted peg against the mouth, and the end of a step."""
-    scenario = load_scenario("live")
-    scenario.start.tilt, scenario.start.offset = [0.04, 0.0], [0.0, 0.0]
-    scenario = resolve_scenario(scenario, seed=3, stream=DEMONSTRATION_STREAM)
-    environment = MakeServedEnvironment(scenario)
-    run = DemonstrationRun(scenario, environment)
-    X = start_pose(scenario)
-    below = RigidTransform(X.rotation(), X.translation() - [0.0, 0.0, 0.012])
-    still = Probe(0.0, below, np.zeros(6), np.zeros(6), 0.0, 0.0, -2.5e-3, 1.0, 0.0)
-    context = run.simulator.get_mutable_context()
-    environment.set_probe(context, still)
-    run.advance(0.6)
-    return scenario, environment, context
-
-
-def test_the_springs_carry_the_normal_force_of_the_simulation(pressed):
-    scenario, environment, context = pressed
-    model = environment.local_contact(context, 0.6)
-    springs = model.springs
-    plant = environment.plant.plant
-    port = plant.get_generalized_contact_forces_output_port(environment.plant.peg.model_instance())
-    wrench = port.Eval(plant.GetMyContextFromRoot(context))
-    force = springs.forces @ springs.normals
-    assert 0 < len(springs.forces) <= MAX_SPRINGS
-    assert np.linalg.norm(wrench[3:]) > 5.0
-    # The rest is friction, which is bounded by that of all springs.
-    pressing = np.maximum(springs.forces, 0.0).sum()
-    assert np.linalg.norm(force - wrench[3:]) < 1.01 * scenario.contact.friction * pressing
-    assert model.X_HP.IsExactlyEqualTo(environment.plant.peg_pose(context))
-    np.testing.assert_allclose(model.V_HP, 0.0, atol=2e-3)
-
-
 TWO_PINS = [[-0.0095, 0.0, 0.004, 0.0, 0.0], [0.0095, 0.0, 0.004, 0.0, 0.0]]
 CORNERS = [[1.0, -1.0, 0.1], [1.0, 1.0, 0.1], [-1.0, 1.0, 0.1], [-1.0, -1.0, 0.1]]
 
@@ -130,7 +95,8 @@ def test_the_exact_engine_presses_the_floor_with_the_springs_and_the_hand_feels_
     context = simulator.get_mutable_context()
     environment.set_start(context)
     below = RigidTransform(X.translation() - [0.0, 0.0, 1e-4 + 0.002])
-    environment.set_probe(context, Probe(0.0, below, np.zeros(6), np.zeros(6), 0.0, 0.0, 0.0, 1.0, 0.0))
+    environment.set_probe(context, Probe(0.0, below, np.zeros(6), np.zeros(6), 0.0, 0.0, -2.5e-3, 1.0, 0.0))
+    assert environment.min_energy(context) == -2.5e-3
     simulator.AdvanceTo(0.6)
     springs = environment.local_contact(context, 0.6).springs
     pressing = springs.forces > 0.0
@@ -148,8 +114,3 @@ def test_the_exact_engine_presses_the_floor_with_the_springs_and_the_hand_feels_
         servo.tick()
     felt = scenario.coupling.force_scale * expected
     np.testing.assert_allclose(servo.probe().wrench, [0.0, 0.0, 0.0, 0.0, 0.0, felt], atol=0.01)
-
-
-def test_the_environment_knows_the_least_energy_of_the_servo(pressed):
-    _, environment, context = pressed
-    assert environment.min_energy(context) == -2.5e-3
