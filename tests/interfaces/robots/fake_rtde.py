@@ -106,7 +106,7 @@ class Controller:
         self.commands, self.script, self.time = [], "", 100.0
         self._inputs, self._clients, self._running, self._executing = {}, [], False, False
         self._outputs = {"output_int_register_0": 0}
-        self._goal, self._speed, self._lookahead = None, 0.0, None
+        self._goal, self._speed = None, math.inf
         for port, run in ((DASHBOARD, self._dashboard), (SCRIPT, self._read_script), (RTDE, self._rtde)):
             server = socket.create_server((host, port))
             threading.Thread(target=self._accept, args=(server, run), daemon=True).start()
@@ -198,34 +198,29 @@ class Controller:
             return
         if self.safety != NORMAL:
             self._running, self._goal = False, None
-        elif command == SERVOJ:
-            self._goal, self._lookahead = self._numbers(0, 6), self._numbers(9, 10)[0]
-            self._outputs["output_int_register_0"] = READY
-        elif command == 0:
+        elif command in (0, SERVOJ):
             self._executing = False
             self._outputs["output_int_register_0"] = READY
+            if command == SERVOJ:
+                self._goal, self._speed = self._numbers(6), math.inf
         elif not self._executing:
             self._executing = True
-            self._begin(command)
             self._outputs["output_int_register_0"] = DONE
+            if command == MOVEJ:
+                *self._goal, self._speed = self._numbers(7)
+            elif command in (STOPJ, SERVO_STOP, STOP_SCRIPT):
+                self._goal = None
+                self._running = command != STOP_SCRIPT
 
-    def _begin(self, command):
-        if command == MOVEJ:
-            self._goal, self._lookahead, self._speed = self._numbers(0, 6), None, self._numbers(6, 7)[0]
-        elif command in (STOPJ, SERVO_STOP, STOP_SCRIPT):
-            self._goal = None
-            self._running = command != STOP_SCRIPT
-
-    def _numbers(self, start, stop):
-        return np.array([self._inputs[f"input_double_register_{k}"] for k in range(start, stop)])
+    def _numbers(self, stop):
+        return [self._inputs[f"input_double_register_{k}"] for k in range(stop)]
 
     def _move(self):
-        """Moves the joints: those of servoj approach their goal in the time that it looks ahead."""
+        """Moves the joints: at once to their goal by servoj, else no faster than they are told to."""
         q = np.array(self.q)
-        if self._goal is None or self.held:
-            rates = np.zeros(6)
-        elif self._lookahead is None:
-            rates = np.clip((self._goal - q) / PERIOD, -self._speed, self._speed)
-        else:
-            rates = (self._goal - q) / self._lookahead
+        rates = (
+            np.zeros(6)
+            if self._goal is None or self.held
+            else np.clip((self._goal - q) / PERIOD, -self._speed, self._speed)
+        )
         self.q, self.qd = (q + PERIOD * rates).tolist(), rates.tolist()

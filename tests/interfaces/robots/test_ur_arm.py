@@ -48,17 +48,6 @@ def sent(controller, command):
     return [tuple(values) for number, *values in controller.get("commands") if number == command]
 
 
-def follow(arm, seconds):
-    """Lets the arm follow a line, and returns how far it was from it after the first quarter, rad; the median."""
-    start, begun, errors = arm.state().angles, time.monotonic(), [0.0]
-    while (now := time.monotonic() - begun) < seconds:
-        arm.follow(start + RATES * now, RATES)
-        if now > 0.25 * seconds:
-            errors.append(np.abs(arm.state().angles - start - RATES * (time.monotonic() - begun)).max())
-        time.sleep(arm.period)
-    return np.median(errors)
-
-
 def test_the_state_is_that_of_the_arm_and_the_tool_centre_point_is_the_flange(controller, arm):
     state = arm.state()
     np.testing.assert_array_equal(state.angles, controller.get("q"))
@@ -90,19 +79,17 @@ def test_it_moves_to_angles_no_faster_than_it_is_told_and_waits_until_it_is_ther
     assert sent(controller, MOVEJ) == [(*ELSEWHERE, 0.5, ACCELERATION, 1)]
 
 
-def test_it_follows_without_a_lag_and_comes_to_rest_where_it_would_be_after_the_lookahead(controller, arm):
-    assert follow(arm, 0.5) < 1e-3  # 3e-3 if it were told where the joints are to be now
-    *target, speed, acceleration, period, lookahead, gain = sent(controller, SERVOJ)[-1]
-    assert (speed, acceleration, period, lookahead, gain) == (0.0, 0.0, arm.period, LOOKAHEAD, GAIN)
-    assert until(lambda: np.abs(arm.state().rates).max() < 1e-6)
-    np.testing.assert_allclose(arm.state().angles, target, atol=1e-6)
+def test_it_is_told_where_the_joints_will_be_after_the_lookahead_and_comes_to_rest_there(controller, arm):
+    arm.follow(ELSEWHERE, RATES)
+    target = ELSEWHERE + LOOKAHEAD * RATES
+    assert until(lambda: np.abs(arm.state().angles - target).max() < 1e-6 and not arm.state().rates.any())
+    assert sent(controller, SERVOJ) == [(*target, 0.0, 0.0, arm.period, LOOKAHEAD, GAIN)]
 
 
 def test_a_stop_ends_what_the_arm_does(controller, arm):
-    follow(arm, 0.1)
+    arm.follow(ELSEWHERE, RATES)
     arm.stop()
     assert sent(controller, SERVO_STOP) == [(10.0,)]
-    assert until(lambda: not arm.state().rates.any())
     arm.stop()
     assert sent(controller, STOPJ) == [(JOINT_STOP, 0)]
     arm.move_to(ELSEWHERE, 3.0)  # it can be moved again
@@ -125,7 +112,7 @@ def test_the_tool_is_said_in_the_frame_of_the_flange(controller, arm):
     ],
 )
 def test_an_arm_that_has_stopped_says_why(controller, arm, name, value, fault):
-    follow(arm, 0.05)
+    arm.follow(ELSEWHERE, RATES)
     controller.set(name, value)
     assert until(lambda: arm.state().fault == fault)
     with pytest.raises(ConnectionError, match=rf"{controller.host}:30004: the arm does not follow: {fault}"):
@@ -161,7 +148,7 @@ def test_an_arm_that_no_longer_answers_is_named(controller, arm):
 
 def test_the_end_stops_the_program(controller):
     arm = UrArm(controller.host)
-    follow(arm, 0.05)
+    arm.follow(ELSEWHERE, RATES)
     arm.close()
     assert [number for number, *_ in controller.get("commands")][-2:] == [SERVO_STOP, STOP_SCRIPT]
 
