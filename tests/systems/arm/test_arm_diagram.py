@@ -120,8 +120,3 @@ def test_the_skill_of_the_rig_inserts_with_an_arm(carrier):
     assert result.reason == "inserted"
     assert result.steps == 0
     assert np.abs(run.samples[["pitch", "yaw"]].iloc[-1]).max() < 0.01  # upright in the hole
-
-
-def test_a_scenario_that_is_not_resolved_is_refused():
-    with pytest.raises(ValueError, match=r"scenario.start.tilt is missing: the scenario is not resolved"):
-        MakeRig(load_scenario("fr3"), Commanded())

@@ -154,15 +154,6 @@ def test_a_gamepad_that_is_disconnected_stops_the_hand():
     assert person.wait(0.5)[0] == pytest.approx(before, abs=1.1 * SETTLING_TIME * MAX_RATES[0])
 
 
-def test_a_slider_that_is_moved_replaces_the_target_of_a_stick():
-    person = Person()
-    person.push(right_y=0.5)
-    person.wait(0.2)
-    person.push()
-    person.slide(0, 1.0)
-    assert person.wait(1.0)[0] == pytest.approx(0.001)
-
-
 def test_a_key_pressed_after_the_start_counts_and_one_before_it_does_not():
     person = Person()
     person.slide(0, 5.0)

@@ -41,13 +41,6 @@ class Raising(_Failing):
             raise OSError("not there")
 
 
-class Wrong(_Failing):
-    """Has a mistake in it."""
-
-    def fail(self):
-        raise KeyError("axis")
-
-
 class Blocking(_Failing):
     """Does not return, and notes when it is closed."""
 

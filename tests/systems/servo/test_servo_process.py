@@ -63,7 +63,6 @@ def test_a_demonstration_through_the_servo_is_recorded_and_felt(scenario):
     ("driver", "reason"),
     [
         ("Raising", "unplugged"),
-        ("Wrong", "KeyError: 'axis'"),
         ("Blocking", "it did not "),  # return for 50 ms, or tick, whichever the session notices first
     ],
 )
