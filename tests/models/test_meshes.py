@@ -120,33 +120,6 @@ def test_the_peg_of_every_section_is_filled_with_tetrahedra(name):
     assert header == f"POINTS {len(solid.vertices)} double"
 
 
-@pytest.mark.parametrize("facets", [3, 7, 64, 92])
-def test_the_edges_of_the_bore_lie_on_the_cylinder(facets):
-    mesh = make_hole(**{**SIZES, "facets": facets})
-    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    vertical = np.abs(normals[:, 2]) < 1e-9
-    to_axis = np.einsum("ij,ij->i", normals, a)  # signed distance of the face's plane from the axis, positive outwards
-    bore = vertical & (to_axis < 0)
-    assert bore.sum() == 2 * facets  # two triangles per face
-    np.testing.assert_allclose(-to_axis[bore], RADIUS * math.cos(math.pi / facets), rtol=1e-12)
-    outer = vertical & (to_axis > 0)
-    np.testing.assert_allclose(to_axis[outer], SIZES["block_radius"] * math.cos(math.pi / facets), rtol=1e-12)
-
-
-def test_the_chamfer_has_45_degrees():
-    mesh = make_hole(**SIZES)
-    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    slanted = np.abs(np.abs(normals[:, 2]) - math.sqrt(0.5)) < 1e-3  # exact at the edges, approximate at the sides
-    assert slanted.sum() == 2 * SIZES["facets"]
-    assert (normals[slanted][:, 2] > 0).all()
-    np.testing.assert_allclose(mesh.vertices[:, 2].max(), 0.0)
-    np.testing.assert_allclose(mesh.vertices[:, 2].min(), -SIZES["depth"] - SIZES["floor"])
-
-
 def test_wavefront_text_gives_the_same_mesh():
     mesh = make_hole(**SIZES)
     vertices, triangles = [], []
@@ -200,14 +173,6 @@ def test_the_broken_edge_is_steeper_than_any_peg_that_enters():
     # the largest tilt is 5.718 degrees, and tan(8.577 degrees) = 0.1508
     assert edge.width == pytest.approx(3.017e-6, rel=1e-3)
     assert BrokenEdge.of(radius=0.01005, clearance=5e-5, chamfer=0.0) is None
-
-
-@given(radius=st.floats(1e-3, 0.1), share=st.floats(1e-4, 0.3), chamfer=st.floats(1e-7, 1e-2))
-def test_the_broken_edge_stays_between_the_wall_and_the_chamfer(radius, share, chamfer):
-    edge = BrokenEdge.of(radius=radius, clearance=share * radius, chamfer=chamfer)
-    assert 0.0 < edge.width <= edge.height <= 0.2 * chamfer * (1 + 1e-12)
-    distance = (edge.height - edge.width) / math.sqrt(2.0)  # from the chamfer
-    assert distance <= 0.3 * share * radius
 
 
 def test_a_broken_edge_adds_one_ring_above_the_mouth():
