@@ -18,7 +18,7 @@ import numpy as np
 import typer
 
 from benchmarks.command_line import JsonFile, finish, run
-from experiments.served_run import ServedRun
+from experiments.demonstration_run import ServedRun
 from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import show
 from models.scenario import LIVE_STREAM, Scenario, load_scenario, resolve_scenario

@@ -14,18 +14,17 @@ from skill.policy.rig_policy import RigPolicy
 from systems.arm.arm_diagram import MakeArm
 from systems.law.dc_motor import DcMotor
 from systems.law.depth_encoder import DepthEncoder
-from systems.law.drive_monitor import DriveMonitor
+from systems.law.drive_monitor import DriveLimits, DriveMonitor
 from systems.law.force_guard import StoppingModel
-from systems.law.limits import drive_limits
 from systems.law.stepper_motor import StepperMotor
 from systems.law.wiring import (
     AddLaw,
     AddSensor,
+    ConnectMeasurement,
+    ConnectMonitors,
     Law,
     check_geometry,
     check_start,
-    connect_measurement,
-    connect_monitors,
 )
 from systems.law.wrench_sensor import WrenchSensor
 from systems.plant.contact_plant import AddRigPlant, HydroelasticRig, NominalBodies
@@ -81,11 +80,11 @@ def WireRig(
         stopping=StoppingModel.of(scenario, mass=known.mass, inertia=known.turning_inertia),
         steppers=tuple(angles),
     )
-    drives = _add_drives(builder, scenario, angles=angles)
+    drives = _AddDrives(builder, scenario, angles=angles)
     sensor = AddSensor(builder, scenario, plant.reaction_forces, weld=plant.sensor, weight=plant.weight)
-    _connect_monitors(builder, plant, law, sensor, drives)
-    _connect_motors(builder, plant, law, drives)
-    recorder = _add_recorder(builder, scenario, plant, law, drives)
+    _ConnectMonitors(builder, plant, law, sensor, drives)
+    _ConnectMotors(builder, plant, law, drives)
+    recorder = _AddRecorder(builder, scenario, plant, law, drives)
     steppers = tuple(drives.steppers.values())
     diagram = builder.Build()
     diagram.set_name("rig")
@@ -103,13 +102,13 @@ class _Drives:
     gimbal_angles: Demultiplexer  # their angles and rates
 
 
-def _add_drives(builder: DiagramBuilder, scenario: Scenario, *, angles: dict[str, float]) -> _Drives:
+def _AddDrives(builder: DiagramBuilder, scenario: Scenario, *, angles: dict[str, float]) -> _Drives:
     step, resolution = scenario.contact.time_step, scenario.rig.encoder_resolution
     return _Drives(
         encoder=builder.AddNamedSystem(
             "depth_encoder", DepthEncoder(home=scenario.sensor.height, resolution=resolution)
         ),
-        drive_monitor=builder.AddNamedSystem("drive_monitor", DriveMonitor(drive_limits(scenario))),
+        drive_monitor=builder.AddNamedSystem("drive_monitor", DriveMonitor(DriveLimits.of(scenario))),
         motor=builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=step)),
         steppers={
             name: builder.AddNamedSystem(
@@ -121,21 +120,19 @@ def _add_drives(builder: DiagramBuilder, scenario: Scenario, *, angles: dict[str
     )
 
 
-def _connect_monitors(
-    builder: DiagramBuilder, plant: RigPlant, law: Law, sensor: WrenchSensor, drives: _Drives
-) -> None:
+def _ConnectMonitors(builder: DiagramBuilder, plant: RigPlant, law: Law, sensor: WrenchSensor, drives: _Drives) -> None:
     builder.Connect(plant.carriage_state, drives.encoder.GetInputPort("carriage_state"))
     builder.Connect(sensor.GetOutputPort("wrench"), law.monitor.GetInputPort("raw_wrench"))
     builder.Connect(drives.encoder.GetOutputPort("depth"), law.monitor.GetInputPort("raw_depth"))
-    connect_monitors(builder, law, drives.drive_monitor)
-    connect_measurement(builder, law, drives.drive_monitor)
+    ConnectMonitors(builder, law, drives.drive_monitor)
+    ConnectMeasurement(builder, law, drives.drive_monitor)
     for name in ("current", "travel"):
         builder.Connect(drives.motor.GetOutputPort(name), drives.drive_monitor.GetInputPort(name))
     for name, stepper in drives.steppers.items():
         builder.Connect(stepper.GetOutputPort("shaft"), law.watchdog.GetInputPort(f"{name}_shaft"))
 
 
-def _connect_motors(builder: DiagramBuilder, plant: RigPlant, law: Law, drives: _Drives) -> None:
+def _ConnectMotors(builder: DiagramBuilder, plant: RigPlant, law: Law, drives: _Drives) -> None:
     for reader, port in ((drives.motor, "speed_command"), (drives.drive_monitor, "feed_speed")):
         builder.Connect(law.force_guard.GetOutputPort("feed_speed"), reader.GetInputPort(port))
     builder.Connect(drives.drive_monitor.GetOutputPort("feed_enabled"), drives.motor.GetInputPort("enabled"))
@@ -153,7 +150,7 @@ def _connect_motors(builder: DiagramBuilder, plant: RigPlant, law: Law, drives: 
     builder.Connect(equilibrium.get_output_port(), plant.gimbal_equilibrium)
 
 
-def _add_recorder(
+def _AddRecorder(
     builder: DiagramBuilder, scenario: Scenario, plant: RigPlant, law: Law, drives: _Drives
 ) -> RunRecorder:
     return AddRunRecorder(

@@ -40,7 +40,6 @@ from systems.law.force_guard import (
     force_guard_step,
 )
 from systems.law.force_guard import SIZE as GUARD_SIZE
-from systems.law.limits import drive_limits, retract_limits, sensor_limits
 from systems.law.policy_controller import ControllerLimits, ControllerState, policy_controller_step
 from systems.law.sensor_monitor import SensorLimits, sensor_monitor_step, sound_depth, sound_wrench
 from systems.law.stepper_motor import Axis, equilibrium_angle, shaft_angles, stepper_step
@@ -123,9 +122,9 @@ class RigNumbers(NamedTuple):
             time_limit=scenario.trial.time_limit,
             guard=GuardLimits.of(scenario),
             stopping=StoppingModel.of(scenario, mass=known.mass, inertia=known.turning_inertia),
-            readings=sensor_limits(scenario),
-            feed=drive_limits(scenario),
-            retract=retract_limits(scenario),
+            readings=SensorLimits.of(scenario),
+            feed=DriveLimits.of(scenario),
+            retract=RetractLimits.of(scenario),
             control=ControllerLimits.of(scenario, policy_period),
         ).with_draws(scenario)
 
@@ -455,11 +454,11 @@ def update(
             state.guard,
             shown.wrench,
             shown.sound,
-            passed_command(rig.retract, state.dog, watchdog.PITCH_RATE, control.pitch_rate),
-            passed_command(rig.retract, state.dog, watchdog.YAW_RATE, control.yaw_rate),
-            passed_command(rig.retract, state.dog, watchdog.CLOCKING_RATE, control.clocking_rate),
-            passed_command(rig.retract, state.dog, watchdog.FEED, control.feed_speed),
-            passed_command(rig.retract, state.dog, watchdog.UNWINDING, control.unwinding) > 0.0,
+            passed_command(rig.retract, watchdog.PITCH_RATE, state.dog, control.pitch_rate),
+            passed_command(rig.retract, watchdog.YAW_RATE, state.dog, control.yaw_rate),
+            passed_command(rig.retract, watchdog.CLOCKING_RATE, state.dog, control.clocking_rate),
+            passed_command(rig.retract, watchdog.FEED, state.dog, control.feed_speed),
+            passed_command(rig.retract, watchdog.UNWINDING, state.dog, control.unwinding) > 0.0,
             is_blind(state.dog),
         )
     if due.plant:

@@ -18,7 +18,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from models.scenario import Scenario
 from skill.arrays import Array
-from systems.plant.contact_plant import add_hydroelastic_plant, finish_contact_plant
+from systems.plant.contact_plant import AddHydroelasticPlant, finish_contact_plant
 
 AXES = ("x", "z", "tilt")
 """Names of the freedoms, in the order of loads (N, N, N m) and velocities (m/s, m/s, rad/s)."""
@@ -88,7 +88,7 @@ class ContactProbe:
         damping: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         builder = DiagramBuilder()
-        plant, scene_graph = add_hydroelastic_plant(builder, scenario)
+        plant, scene_graph = AddHydroelasticPlant(builder, scenario)
         plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
         hole = plant.AddModelInstance("hole")
         unit = UnitInertia.SolidSphere(0.01)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.scoreboard.columns import COLUMNS
-from experiments.scoreboard.summary import Cell, Scoreboard
+from experiments.scoreboard.summary import Conditions, Scoreboard
 from experiments.sweep.trial_files import partition
 
 
@@ -21,21 +21,21 @@ def sweep_commands(board: Scoreboard) -> list[str]:
     return [f"haptic-skill sweep {shlex.quote(str(sweep.path))} --out {out}" for sweep in board.sweeps]
 
 
-def row_command(board: Scoreboard, policy: str, cell: Cell) -> str:
+def row_command(board: Scoreboard, policy: str, conditions: Conditions) -> str:
     """Returns a line of Python that recomputes a row: its plain aggregates, named as the columns, as a Series."""
     values = ", ".join(f"{column.name!r}: {column.pandas}" for column in COLUMNS if column.pandas)
-    return (
-        f"import pandas; d = {_read(board, policy, cell)}; r = pandas.Series({{'trials': len(d), {values}}}); print(r)"
-    )
+    rows = _read(board, policy, conditions)
+    return f"import pandas; d = {rows}; r = pandas.Series({{'trials': len(d), {values}}}); print(r)"
 
 
-def paired_command(board: Scoreboard, policy: str, cell: Cell) -> str:
+def paired_command(board: Scoreboard, policy: str, conditions: Conditions) -> str:
     """Returns a line of Python that counts the pairs of a row and the reference, and compares their times.
 
     See `experiments.scoreboard.summary.compare`.
     """
+    mine, others = (_read(board, name, conditions) for name in (policy, board.reference))
     return (
-        f"import pandas; d = {_read(board, policy, cell)}.merge({_read(board, board.reference, cell)}, on='trial');"
+        f"import pandas; d = {mine}.merge({others}, on='trial');"
         " a, b = d.demonstration_set_x, d.demonstration_set_y; d = d[(a == b) | a.isna() | b.isna()];"
         " u = d.demonstration_set_x.fillna(d.demonstration_set_y).fillna(-1 - d.trial);"
         " a, b = d.inserted_x, d.inserted_y;"
@@ -45,22 +45,25 @@ def paired_command(board: Scoreboard, policy: str, cell: Cell) -> str:
     )
 
 
-def _read(board: Scoreboard, policy: str, cell: Cell) -> str:
-    """The expression of the trials of a policy in a cell."""
-    filters: list[tuple[str, str, Any]] = [("code", "==", board.codes[cell.engine]), ("factors", "==", cell.factors)]
+def _read(board: Scoreboard, policy: str, conditions: Conditions) -> str:
+    """The expression of the trials of a policy under some conditions."""
+    filters: list[tuple[str, str, Any]] = [
+        ("code", "==", board.codes[conditions.engine]),
+        ("factors", "==", conditions.factors),
+    ]
     if board.skills:
         filters.append(("skill", "in", list(board.skills)))
-    folder = partition(board.folder, policy, cell.trial_set, cell.engine)
+    folder = partition(board.folder, policy, conditions.trial_set, conditions.engine)
     return f"pandas.read_parquet({str(folder)!r}, filters={filters!r})"
 
 
-def cell_commands(board: Scoreboard, policy: str, cell: Cell) -> list[tuple[str, str]]:
+def commands_of(board: Scoreboard, policy: str, conditions: Conditions) -> list[tuple[str, str]]:
     """Returns what a reader needs to check a row: (what it is, command or statement).
 
     The trials do not tell which of several sweeps they belong to: there is one command for each.
     """
     made = zip((f"make the trials of {sweep.title}" for sweep in board.sweeps), sweep_commands(board), strict=True)
-    found = [*made, ("recompute with Python", row_command(board, policy, cell))]
+    found = [*made, ("recompute with Python", row_command(board, policy, conditions))]
     if policy != board.reference:
-        found.append((f"pairs with {board.reference}", paired_command(board, policy, cell)))
+        found.append((f"pairs with {board.reference}", paired_command(board, policy, conditions)))
     return found

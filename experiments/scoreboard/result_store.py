@@ -59,8 +59,8 @@ class Sweep:
 
 
 @dataclass(frozen=True)
-class Origin:
-    """Which trials of a folder of results count: in each engine those of the newest code and the newest policies.
+class Trials:
+    """The trials of a folder of results that count: in each engine those of the newest code and the newest policies.
 
     The policy of a name is made anew where its specification, demonstrations or modules, or a version have changed.
 
@@ -72,6 +72,8 @@ class Origin:
         skills: digests of the policies in the table, if there are others; else empty.
         published: whether the folder is a published copy, in which no sweep goes on.
         sweeps: the stored specifications.
+        table: one row a trial: `PARTITIONS` and `TEXTS` as categories, ``inserted`` as bool, `NUMBERS` as floats, with
+            1 for true and NaN for nothing.
     """
 
     folder: Path
@@ -81,17 +83,6 @@ class Origin:
     skills: tuple[str, ...]
     published: bool
     sweeps: list[Sweep]
-
-
-@dataclass(frozen=True)
-class Trials(Origin):
-    """The trials that count in a folder of results.
-
-    Attributes:
-        table: one row a trial: `PARTITIONS` and `TEXTS` as categories, ``inserted`` as bool, `NUMBERS` as floats, with
-            1 for true and NaN for nothing.
-    """
-
     table: pd.DataFrame
 
 
@@ -182,10 +173,10 @@ def _read_file(path: Path, root: Path) -> pd.DataFrame:
 
 
 def _refuse_rivals(table: pd.DataFrame, paths: list[Path]) -> None:
-    """Refuses two rows for one trial of a policy in a cell; names the first of them and their files."""
+    """Refuses two rows for one trial of a policy under the same conditions; names the first of them and their files."""
     for _, same in table[table.duplicated(RIVALS, keep=False)].groupby(RIVALS, dropna=False, sort=False):
         first, last = (paths[same["file"].iloc[k]] for k in (0, -1))
         raise ValueError(
-            f"{first} and {last}: trial {same['trial'].iloc[0]:.0f} of one policy and cell; the scenario, which has"
-            " changed under its name, or the versions of the packages differ: move the older file away"
+            f"{first} and {last}: trial {same['trial'].iloc[0]:.0f} of one policy under the same conditions; the"
+            " scenario has changed under its name, or the versions of the packages differ: move the older file away"
         )

@@ -1,18 +1,18 @@
-"""Summarises the trials of each policy in each cell of a sweep, and compares the policies by the trials they share."""
+"""Summarises the trials of each policy under each conditions, and compares the policies by the trials they share."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pandas as pd
 
 from experiments.scoreboard.columns import COLUMNS, Column
 from experiments.scoreboard.paired_statistics import MIN_UNITS, holm, sign_flip_test, wilson, wilson_over_sets
-from experiments.scoreboard.result_store import Origin, Trials
+from experiments.scoreboard.result_store import Trials
 
 PRODUCT = "CA states + LWR"
 """The policy with which the others are compared by default, if it is there."""
@@ -31,7 +31,7 @@ def factor_name(factor: str) -> str:
 
 
 @dataclass(frozen=True)
-class Cell:
+class Conditions:
     """The conditions of a table: trials are compared only within them.
 
     Attributes:
@@ -59,7 +59,7 @@ class Cell:
         return ", ".join([f"{self.trial_set} trials", self.engine, *factors])
 
     def order(self) -> tuple[Any, ...]:
-        """A key that sorts cells: usual trials first, numbers by size."""
+        """A key that sorts conditions: usual trials first, numbers by size."""
         pairs = sorted(self.values.items())
         values = [(0, v, "") if _is_number(v) else (1, 0.0, str(v)) for _, v in pairs]
         return (
@@ -74,10 +74,10 @@ class Cell:
 
 @dataclass(frozen=True)
 class Summary:
-    """The trials of one policy in one cell.
+    """The trials of one policy under the same conditions.
 
     Attributes:
-        cell: the conditions.
+        conditions: the conditions.
         policy: name.
         trials: their number.
         numbers: by the names of the `COLUMNS` that are computed from the trials; NaN: not recorded, or nothing to take
@@ -87,7 +87,7 @@ class Summary:
         faults: number of trials by the fault that ended them.
     """
 
-    cell: Cell
+    conditions: Conditions
     policy: str
     trials: int
     numbers: dict[str, float]
@@ -165,7 +165,7 @@ class Row:
         return float(self.paired.better - self.paired.worse) if column.name == "against" else self.paired.slower
 
     def text(self, column: Column) -> str:
-        """Returns what a cell shows; "–" for nothing."""
+        """Returns what the row shows; "–" for nothing."""
         s, key = self.summary, self.key(column)
         if column.name == "inserted" or (column.name == "physics" and s.untrusted):
             return f"{s.numbers[column.name]:.0f} of {s.trials}"
@@ -196,25 +196,28 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """The policies in one cell, the one with most insertions first."""
+    """The policies under the same conditions, the one with most insertions first."""
 
-    cell: Cell
+    conditions: Conditions
     rows: list[Row]
 
 
 @dataclass(frozen=True)
-class Scoreboard(Origin):
-    """All tables of a folder of results.
+class Scoreboard(Trials):
+    """The trials of a folder of results, in tables.
 
     Attributes:
-        tables: in the order of their cells.
+        tables: in the order of their conditions.
         reference: name of the policy with which the others are compared.
-        trials: number of trials.
     """
 
     tables: list[Table]
     reference: str
-    trials: int
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return len(self.table)
 
 
 def make_scoreboard(found: Trials, against: str | None = None) -> Scoreboard:
@@ -230,17 +233,14 @@ def make_scoreboard(found: Trials, against: str | None = None) -> Scoreboard:
     """
     table = found.table
     reference = _reference(table, against)
-    tables = []
-    for names, rows in table.groupby(["trial_set", "engine", "factors"], observed=True):
-        cell = Cell(*map(str, names))
-        tables.append(_table(cell, rows, reference))
-    tables.sort(key=lambda item: item.cell.order())
-    origin = {known.name: getattr(found, known.name) for known in fields(Origin)}
-    return Scoreboard(**origin, tables=tables, reference=reference, trials=len(table))
+    by_conditions = table.groupby(["trial_set", "engine", "factors"], observed=True)
+    tables = [_table(Conditions(*map(str, names)), rows, reference) for names, rows in by_conditions]
+    tables.sort(key=lambda item: item.conditions.order())
+    return Scoreboard(**vars(found), tables=tables, reference=reference)
 
 
-def summarise(cell: Cell, policy: str, rows: pd.DataFrame) -> Summary:
-    """Summarises the trials of one policy in one cell; ``rows`` as in `Trials.table`, at least one."""
+def summarise(conditions: Conditions, policy: str, rows: pd.DataFrame) -> Summary:
+    """Summarises the trials of one policy under the same conditions; ``rows`` as in `Trials.table`, at least one."""
     numbers = {column.name: float(eval(column.pandas, {"d": rows})) for column in COLUMNS if column.pandas}
     sets = rows.groupby("demonstration_set")["inserted"].agg(["sum", "count"])
     interval = None
@@ -250,7 +250,7 @@ def summarise(cell: Cell, policy: str, rows: pd.DataFrame) -> Summary:
         interval = wilson_over_sets(sets["sum"], sets["count"])
     faults = rows.loc[rows["fault"] != "", "fault"].value_counts()
     return Summary(
-        cell=cell,
+        conditions=conditions,
         policy=policy,
         trials=len(rows),
         numbers=numbers,
@@ -260,7 +260,7 @@ def summarise(cell: Cell, policy: str, rows: pd.DataFrame) -> Summary:
 
 
 def compare(rows: pd.DataFrame, other: pd.DataFrame) -> Paired | None:
-    """Compares two policies in one cell; p-values are not corrected. None if they share no trial.
+    """Compares two policies under the same conditions; p-values are not corrected. None if they share no trial.
 
     Two trials are a pair if they have the same number and, where both policies learn, the same set of demonstrations.
     The differences of the pairs of a set are averaged, and the signs of these means are flipped. So the conclusion is
@@ -296,16 +296,16 @@ def compare(rows: pd.DataFrame, other: pd.DataFrame) -> Paired | None:
 
 
 def numeric_factors(tables: Sequence[Table]) -> list[str]:
-    """Returns the names of the factors that are numbers in all cells that have them, sorted."""
-    names = sorted({name for table in tables for name in table.cell.values})
-    found = {name: [t.cell.values[name] for t in tables if name in t.cell.values] for name in names}
+    """Returns the names of the factors that are numbers in all tables that have them, sorted."""
+    names = sorted({name for table in tables for name in table.conditions.values})
+    found = {name: [t.conditions.values[name] for t in tables if name in t.conditions.values] for name in names}
     return [name for name in names if all(_is_number(value) for value in found[name])]
 
 
-def _table(cell: Cell, rows: pd.DataFrame, reference: str) -> Table:
-    """The rows of a cell, compared with those of the reference; the p-values are corrected over the table."""
+def _table(conditions: Conditions, rows: pd.DataFrame, reference: str) -> Table:
+    """The rows of a table, compared with those of the reference; the p-values are corrected over the table."""
     by_policy = {str(name): part for name, part in rows.groupby("policy", observed=True)}
-    summaries = [summarise(cell, name, part) for name, part in by_policy.items()]
+    summaries = [summarise(conditions, name, part) for name, part in by_policy.items()]
     summaries.sort(key=lambda s: (-s.share, math.inf if math.isnan(s.numbers["time"]) else s.numbers["time"], s.policy))
     paired: dict[str, Paired] = {}
     for name in by_policy if reference in by_policy else ():
@@ -314,7 +314,7 @@ def _table(cell: Cell, rows: pd.DataFrame, reference: str) -> Table:
     tested = {name: pair for name, pair in paired.items() if pair.is_tested}
     p, p_time = (holm([getattr(pair, key) for pair in tested.values()]) for key in ("p", "p_time"))
     paired |= {name: replace(pair, p=p[k], p_time=p_time[k]) for k, (name, pair) in enumerate(tested.items())}
-    return Table(cell, [Row(summary, paired.get(summary.policy)) for summary in summaries])
+    return Table(conditions, [Row(summary, paired.get(summary.policy)) for summary in summaries])
 
 
 def _reference(table: pd.DataFrame, against: str | None) -> str:

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from experiments.corrections import correction_scenario
-from experiments.demonstration_run import DemonstrationRun
+from experiments.demonstration_run import DemonstrationRun, ServedRun
 from experiments.demonstration_set import attempt_seed
-from experiments.served_run import ServedRun
 from interfaces.live.display import ContactLoad, LiveDisplay
 from interfaces.live.page import LivePage
 from models.scenario import LIVE_STREAM, Scenario, resolve_scenario

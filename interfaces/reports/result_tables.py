@@ -142,7 +142,7 @@ def scoreboard_table(scores: Scores, reference: str) -> Table:
 
     columns = [column for column in COLUMNS if column.is_main]
     headings = [f"{column.name}\n({column.unit})" for column in columns]
-    found = plain_table(scores.cell.title, text="policy", numbers=headings)
+    found = plain_table(scores.conditions.title, text="policy", numbers=headings)
     for row in scores.rows:
         name = f"{row.summary.policy} (reference)" if row.summary.policy == reference else row.summary.policy
         cells = [f"{row.text(column)}\n{row.note(column)}".strip() for column in columns]

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import ScaledTranslation
 
 from experiments.scoreboard.columns import LOAD_LIMITS
-from experiments.scoreboard.summary import Cell, Scoreboard, Summary, Table, factor_name, numeric_factors
+from experiments.scoreboard.summary import Conditions, Scoreboard, Summary, Table, factor_name, numeric_factors
 
 MAX_TABLES = 12
 """Largest number of tables of which each has a curve over the limits of the load."""
@@ -93,19 +93,19 @@ def curves_of(board: Scoreboard) -> list[Curve]:
     for factor in numeric_factors(board.tables):
         groups: dict[tuple[str, str, str], list[Table]] = {}
         for table in board.tables:
-            others = {name: value for name, value in table.cell.values.items() if name != factor}
-            if factor in table.cell.values:
-                key = (table.cell.trial_set, table.cell.engine, json.dumps(others, sort_keys=True))
+            others = {name: value for name, value in table.conditions.values.items() if name != factor}
+            if factor in table.conditions.values:
+                key = (table.conditions.trial_set, table.conditions.engine, json.dumps(others, sort_keys=True))
                 groups.setdefault(key, []).append(table)
         for key, tables in groups.items():
             if len(tables) < MIN_VALUES:
                 continue
-            tables.sort(key=lambda table: float(table.cell.values[factor]))
+            tables.sort(key=lambda table: float(table.conditions.values[factor]))
             rows = [{row.summary.policy: row.summary for row in table.rows} for table in tables]
             policies = sorted({policy for row in rows for policy in row})
-            values = [float(table.cell.values[factor]) for table in tables]
+            values = [float(table.conditions.values[factor]) for table in tables]
             summaries = {policy: [row.get(policy) for row in rows] for policy in policies}
-            found.append(Curve(factor, Cell(*key).title, values, summaries))
+            found.append(Curve(factor, Conditions(*key).title, values, summaries))
     return found
 
 
@@ -115,7 +115,7 @@ def limit_curves(board: Scoreboard) -> list[Curve]:
     return [
         Curve(
             factor="limit of the load (N)",
-            title=f"{table.cell.title}: an insertion counts if the load stayed below the limit",
+            title=f"{table.conditions.title}: an insertion counts if the load stayed below the limit",
             values=[float(limit) for limit in LOAD_LIMITS],
             summaries={row.summary.policy: [row.summary.within(limit) for limit in LOAD_LIMITS] for row in table.rows},
             quantities=(Quantity("inserted (%)", lambda s: 100 * s.share),),

@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 from experiments.scoreboard.columns import COLUMNS, Column
 from experiments.scoreboard.paired_statistics import MIN_UNITS
-from experiments.scoreboard.queries import cell_commands, sweep_commands
+from experiments.scoreboard.queries import commands_of, sweep_commands
 from experiments.scoreboard.summary import Row, Scoreboard, Table
 from experiments.sweep.trial_files import partition
 from interfaces.reports.page_template import fill_page, svg_element
@@ -117,8 +117,8 @@ def address(path: Path, out: Path) -> str:
 
 def link(board: Scoreboard, row: Row, out: Path) -> str:
     """The address of the file of a row's trials, or of their folder if there are several, relative to the page."""
-    cell = row.summary.cell
-    folder = partition(board.folder, row.summary.policy, cell.trial_set, cell.engine)
+    conditions = row.summary.conditions
+    folder = partition(board.folder, row.summary.policy, conditions.trial_set, conditions.engine)
     files = list(folder.glob("*.parquet"))
     return address(files[0], out) if len(files) == 1 else f"{address(folder, out)}/"
 
@@ -127,14 +127,14 @@ def _contents(tables: list[Table]) -> str:
     """Links to the tables, if there are several."""
     if len(tables) < 2:
         return ""
-    links = "".join(f'<a href="#table-{k}">{html.escape(table.cell.title)}</a>' for k, table in enumerate(tables))
+    links = "".join(f'<a href="#table-{k}">{html.escape(table.conditions.title)}</a>' for k, table in enumerate(tables))
     return f'<nav aria-label="tables">{links}</nav>'
 
 
 def _table(number: int, table: Table, board: Scoreboard, out: Path) -> str:
     """A table, and below it the commands behind each of its rows."""
     return (
-        f'<section id="table-{number}"><h2>{html.escape(table.cell.title)}</h2>'
+        f'<section id="table-{number}"><h2>{html.escape(table.conditions.title)}</h2>'
         '<div class="scroll" tabindex="0"><table><thead><tr><th scope="col" class="text"><button type="button">policy'
         f"<small>&nbsp;</small></button></th>{''.join(_heading(column) for column in COLUMNS)}</tr></thead><tbody>\n"
         + "\n".join(_row(row, board, out) for row in table.rows)
@@ -174,10 +174,10 @@ def _cell(column: Column, row: Row) -> str:
 
 def _commands(row: Row, board: Scoreboard) -> str:
     """The commands behind a row, folded."""
-    policy, cell = row.summary.policy, row.summary.cell
+    policy, conditions = row.summary.policy, row.summary.conditions
     commands = "".join(
         f"<dt>{html.escape(name)}</dt><dd><pre>{html.escape(command)}</pre></dd>"
-        for name, command in cell_commands(board, policy, cell)
+        for name, command in commands_of(board, policy, conditions)
     )
     return f'<details class="row"><summary>{html.escape(policy)}</summary><dl>{commands}</dl></details>'
 

@@ -17,7 +17,7 @@ from systems.arm.arm_bodies import PERIOD, AddArm, ArmBodies
 from systems.arm.kinematics import ArmKinematics
 from systems.arm.tip_servo import TipMotion, TipServo, height_along, tip_at, tip_pose
 from systems.law.force_guard import StoppingModel
-from systems.law.wiring import AddLaw, AddSensor, check_geometry, check_start, connect_monitors
+from systems.law.wiring import AddLaw, AddSensor, ConnectMonitors, check_geometry, check_start
 from systems.plant.contact_forces import Contact
 from systems.plant.held_peg import Compliance, HeldPeg
 from systems.recording.run_recorder import AddRunRecorder
@@ -132,7 +132,7 @@ def MakeArm(scenario: Scenario, policy: RigPolicy) -> RigDiagram:
     sensor = AddSensor(builder, scenario, peg.GetOutputPort("reaction_forces"), weld=0, weight=weight)
     builder.Connect(sensor.GetOutputPort("wrench"), law.monitor.GetInputPort("raw_wrench"))
     builder.Connect(motion.GetOutputPort("depth"), law.monitor.GetInputPort("raw_depth"))
-    connect_monitors(builder, law, None)
+    ConnectMonitors(builder, law, None)
     for name in (*(f"target_{axis}" for axis in AXES), "feed_speed"):
         builder.Connect(law.force_guard.GetOutputPort(name), servo.GetInputPort(name))
     builder.Connect(law.monitor.GetOutputPort("wrench"), servo.GetInputPort("wrench"))

@@ -14,7 +14,7 @@ from skill.data.axes import AXES
 from skill.policy.rig_policy import RigPolicy
 from systems.arm.arm_bodies import PERIOD
 from systems.law.force_guard import StoppingModel
-from systems.law.wiring import AddLaw, check_geometry, check_start, connect_monitors
+from systems.law.wiring import AddLaw, ConnectMonitors, check_geometry, check_start
 from systems.recording.run_recorder import AddRunRecorder
 
 
@@ -39,7 +39,7 @@ class ArmLaw:
         check_geometry(scenario, policy)
         builder = DiagramBuilder()
         self.law = law = AddLaw(builder, scenario, policy, stopping=stopping, steppers=())
-        connect_monitors(builder, law, None)
+        ConnectMonitors(builder, law, None)
         builder.ExportInput(law.monitor.GetInputPort("raw_wrench"), "wrench")
         builder.ExportInput(law.monitor.GetInputPort("raw_depth"), "depth")
         as_on_rig = builder.AddNamedSystem("as_on_rig", PassThrough(4))

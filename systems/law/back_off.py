@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 from compiled import compiled, numbers_class
 from models.control import BackOffParameters
@@ -58,11 +58,6 @@ class BackOffState(NamedTuple):
     watch_side: float = 0.0
     watch_depth: float = -1.0
     watch_time: float = 0.0
-
-    @classmethod
-    def from_list(cls, values: Sequence[float]) -> Self:
-        """Returns the state of the numbers of a discrete state."""
-        return cls(*(float(value) for value in values))
 
 
 def attempts_text(state: BackOffState, names: Sequence[str]) -> str:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from operator import itemgetter
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from compiled import compiled
+from compiled import compiled, numbers_class
 from models.hardware import DcMotorParameters
 from skill.arrays import Array
 from systems.law.part import Part
@@ -19,8 +19,12 @@ CURRENT, INTEGRAL, SIZE = range(3)
 """Places in the state: current (A) and integral of the speed error (rad); and its size."""
 
 
+MotorNumbers = numbers_class("MotorNumbers", DcMotorParameters, __name__)
+"""`models.hardware.DcMotorParameters` for compiled functions."""
+
+
 class Drive(NamedTuple):
-    """A feed drive; see `models.hardware.DcMotorParameters`.
+    """A feed drive.
 
     Attributes:
         period: T of the speed controller, s.
@@ -28,6 +32,7 @@ class Drive(NamedTuple):
         decay: e^{-RT/L}.
         gain: R / (1 - e^{-RT/L}), ohm.
         count_travel: travel of a count of the encoder on the shaft, m.
+        motor: `models.hardware.DcMotorParameters`.
     """
 
     period: float
@@ -35,36 +40,14 @@ class Drive(NamedTuple):
     decay: float
     gain: float
     count_travel: float
-    resistance: float
-    torque_constant: float
-    viscous_friction: float
-    coulomb_friction: float
-    screw_efficiency: float
-    supply_voltage: float
-    current_limit: float
-    speed_kp: float
-    speed_ki: float
+    motor: Any
 
     @classmethod
     def of(cls, p: DcMotorParameters, *, period: float) -> Self:
         """Returns the drive with a period, s, of its speed controller."""
         decay = math.exp(-p.resistance * period / p.inductance)
-        return cls(
-            period=period,
-            ratio=p.ratio,
-            decay=decay,
-            gain=p.resistance / (1.0 - decay),
-            count_travel=p.screw_lead / p.encoder_counts,
-            resistance=p.resistance,
-            torque_constant=p.torque_constant,
-            viscous_friction=p.viscous_friction,
-            coulomb_friction=p.coulomb_friction,
-            screw_efficiency=p.screw_efficiency,
-            supply_voltage=p.supply_voltage,
-            current_limit=p.current_limit,
-            speed_kp=p.speed_kp,
-            speed_ki=p.speed_ki,
-        )
+        gain = p.resistance / (1.0 - decay)
+        return cls(period, p.ratio, decay, gain, p.screw_lead / p.encoder_counts, MotorNumbers(*vars(p).values()))
 
 
 @compiled
@@ -88,19 +71,19 @@ def dc_motor_step(p: Drive, state: Array, speed_command: float, speed: float, en
         speed: v of the carriage, m/s.
         enabled: whether the drive is on.
     """
-    found = np.empty(SIZE)
+    found, m = np.empty(SIZE), p.motor
     current, integral, w = state[CURRENT], state[INTEGRAL], p.ratio * speed
     if not enabled:
-        found[CURRENT] = current * p.decay - p.torque_constant * w / p.resistance * (1.0 - p.decay)
+        found[CURRENT] = current * p.decay - m.torque_constant * w / m.resistance * (1.0 - p.decay)
         found[INTEGRAL] = 0.0
         return found
     command = p.ratio * speed_command
     error = command - w
-    voltage = p.speed_kp * error + p.speed_ki * integral + p.torque_constant * command
-    back_emf = p.torque_constant * w
+    voltage = m.speed_kp * error + m.speed_ki * integral + m.torque_constant * command
+    back_emf = m.torque_constant * w
     # The voltages after which the current is at its limits.
-    minimum = max(-p.supply_voltage, back_emf + p.gain * (-p.current_limit - current * p.decay))
-    maximum = min(p.supply_voltage, back_emf + p.gain * (p.current_limit - current * p.decay))
+    minimum = max(-m.supply_voltage, back_emf + p.gain * (-m.current_limit - current * p.decay))
+    maximum = min(m.supply_voltage, back_emf + p.gain * (m.current_limit - current * p.decay))
     applied = min(max(voltage, minimum), maximum)
     saturated = applied != voltage and (voltage - applied) * error > 0
     found[INTEGRAL] = integral if saturated else integral + error * p.period
@@ -114,9 +97,9 @@ def carriage_force(p: Drive, current: float, speed: float) -> float:
 
     F = N (eta k_t i - b w - tau_c tanh(w / w_0)).
     """
-    w = p.ratio * speed
-    friction = p.viscous_friction * w + p.coulomb_friction * math.tanh(w / FRICTION_SPEED)
-    return p.ratio * (p.screw_efficiency * p.torque_constant * current - friction)
+    w, m = p.ratio * speed, p.motor
+    friction = m.viscous_friction * w + m.coulomb_friction * math.tanh(w / FRICTION_SPEED)
+    return float(p.ratio * (m.screw_efficiency * m.torque_constant * current - friction))
 
 
 @compiled

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from compiled import compiled
-from models.control import DriveMonitorParameters
-from models.hardware import DcMotorParameters
 from skill.arrays import Array
 from systems.law.faults import FEED_NUMBERS, Fault
 from systems.law.part import Part
@@ -41,25 +39,12 @@ ANCHOR = 10  # travel from which a motion is measured, m
 SIZE = 11
 
 
-class Travel(NamedTuple):
-    """The soft limits of the feed's travel, as depths of the tip below the mouth, m."""
-
-    upper: float
-    lower: float
-
-    @classmethod
-    def of(cls, scenario: Scenario) -> Self:
-        """Returns the limits of a resolved scenario."""
-        p = scenario.controller.drive_monitor
-        return cls(upper=-scenario.start.height - p.travel_above, lower=scenario.geometry.hole_depth + p.travel_below)
-
-
 class DriveLimits(NamedTuple):
     """What a sound feed drive keeps.
 
     Attributes:
         stall_depth, stall_distance, follow_error: see `models.control.DriveMonitorParameters`.
-        upper, lower: see `Travel`.
+        upper, lower: soft limits of the travel, as depths of the tip below the mouth, m.
         period: of the drive, s.
         slack: difference of the two encoders, m.
         command_fade, motion_fade: factors of commands and motions in a period.
@@ -82,38 +67,23 @@ class DriveLimits(NamedTuple):
     force_constant: float
 
     @classmethod
-    def of(
-        cls,
-        parameters: DriveMonitorParameters,
-        *,
-        motor: DcMotorParameters,
-        travel: Travel,
-        resolution: float,
-        period: float,
-    ) -> Self:
-        """Returns the limits.
-
-        Args:
-            parameters: thresholds.
-            motor: parameters of the feed drive.
-            travel: soft limits.
-            resolution: resolution of the depth encoder, m.
-            period: of the drive, s.
-        """
+    def of(cls, scenario: Scenario) -> Self:
+        """Returns the limits of a resolved scenario."""
+        p, motor, period = scenario.controller.drive_monitor, scenario.feed, scenario.contact.time_step
         count = motor.screw_lead / motor.encoder_counts
         current_per_distance = motor.speed_ki * motor.ratio / motor.resistance
         return cls(
-            stall_depth=parameters.stall_depth,
-            stall_distance=parameters.stall_distance,
-            follow_error=parameters.follow_error,
-            upper=travel.upper,
-            lower=travel.lower,
+            stall_depth=p.stall_depth,
+            stall_distance=p.stall_distance,
+            follow_error=p.follow_error,
+            upper=-scenario.start.height - p.travel_above,
+            lower=scenario.geometry.hole_depth + p.travel_below,
             period=period,
-            slack=ENCODER_SLACK + 2.0 * resolution + 2.0 * count,
+            slack=ENCODER_SLACK + 2.0 * scenario.rig.encoder_resolution + 2.0 * count,
             command_fade=math.exp(-period / COMMAND_MEMORY),
             motion_fade=math.exp(-period / MOTION_MEMORY),
             current_limit=motor.current_limit,
-            dead_current=0.25 * min(motor.current_limit, current_per_distance * parameters.stall_distance),
+            dead_current=0.25 * min(motor.current_limit, current_per_distance * p.stall_distance),
             force_constant=motor.force_constant,
         )
 

@@ -35,18 +35,14 @@ class Fault(LabelledEnum):
     CLOCKING_STEPS_LOST = 18, "clocking stepper blocked or overloaded: steps lost"
 
 
-FEED_FAULTS = frozenset({Fault.FEED_RUNS_AWAY, Fault.FEED_DEAD})
-"""Faults after which the feed drive is switched off, because it does not obey."""
+FEED_NUMBERS = (Fault.FEED_RUNS_AWAY.value, Fault.FEED_DEAD.value)
+"""Numbers of the faults after which the feed drive is switched off, because it does not obey."""
 
-SENSOR_FAULTS = frozenset(fault for fault in Fault if fault.name.startswith("SENSOR_"))
-"""Faults after which the wrench is not known."""
-
+SENSOR_NUMBERS = tuple(fault.value for fault in Fault if fault.name.startswith("SENSOR_"))
+"""Numbers of the faults after which the wrench is not known."""
 
 STEPS_LOST = (Fault.PITCH_STEPS_LOST.value, Fault.YAW_STEPS_LOST.value, Fault.CLOCKING_STEPS_LOST.value)
 """Numbers of the faults of the steppers, in the order of `skill.data.axes.AXES`."""
-
-FEED_NUMBERS, SENSOR_NUMBERS = (tuple(sorted(map(int, faults))) for faults in (FEED_FAULTS, SENSOR_FAULTS))
-"""The same faults as numbers, for compiled functions."""
 
 
 FALSE_ALARM = 1e-9

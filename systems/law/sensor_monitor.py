@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from functools import partial
 from operator import itemgetter
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
 from compiled import compiled
-from models.hardware import DcMotorParameters, WrenchSensorParameters
+from models.arm import RIG
+from models.hardware import STEEL
 from skill.arrays import Array
 from systems.law.faults import Fault, reading_deviation, repeats_of_a_stuck_sensor
 from systems.law.part import Part
+
+if TYPE_CHECKING:  # a scenario needs Drake
+    from models.scenario import Scenario
 
 MAX_SPIKES = 2
 """Number of spikes within `SPIKE_TIME` that a sound sensor may have."""
@@ -73,34 +77,12 @@ class SensorLimits(NamedTuple):
     max_square: Array
 
     @classmethod
-    def of(
-        cls,
-        sensor: WrenchSensorParameters,
-        *,
-        top_speed: float,
-        resolution: float,
-        depth_period: float,
-        load_limit: float,
-        reach: float,
-        peg_mass: float,
-        feed: DcMotorParameters,
-        feed_speed: float,
-        free_depth: float,
-    ) -> Self:
-        """Returns the limits.
-
-        Args:
-            sensor: parameters of the force/torque sensor.
-            top_speed: maximum speed of the feed, m/s.
-            resolution: resolution of the depth encoder, m.
-            depth_period: time between two changes of the depth, s; in a simulation the step of the plant.
-            load_limit: load at which the peg is backed off, N.
-            reach: radius of the smallest circle about the axis that holds the peg, m.
-            peg_mass: of what hangs on the sensor, kg.
-            feed: drive of the peg.
-            feed_speed: largest speed command, m/s.
-            free_depth: see above.
-        """
+    def of(cls, scenario: Scenario) -> Self:
+        """Returns the limits of a resolved scenario; only the rig tells by its depth when the peg is in free air."""
+        sensor, g, controller, feed = scenario.sensor, scenario.geometry, scenario.controller, scenario.feed
+        load_limit, peg_mass = controller.guard.force_limit, STEEL * g.assembly.volume
+        depth_period = max(sensor.period, scenario.contact.time_step)  # between two changes of the depth
+        rim = g.assembly.mouth_reach * math.sin(controller.max_turn)  # of the tilted hole above the centre of its mouth
         tare = max(TARE_SAMPLES, round(TARE_TIME / sensor.period))
         quantum = np.repeat([sensor.force_quantum, sensor.torque_quantum], 3)
         force, torque = reading_deviation(sensor)
@@ -109,7 +91,7 @@ class SensorLimits(NamedTuple):
         drift = np.repeat([sensor.force_drift, math.hypot(sensor.torque_drift, lever * sensor.force_drift)], 3)
         # The drive accelerates the peg below the sensor: in a tare, and between two readings, from full to reverse.
         inertia, jolt = np.zeros(6), np.zeros(6)
-        inertia[2] = 2.0 * peg_mass * feed_speed / (tare * sensor.period)
+        inertia[2] = 2.0 * peg_mass * controller.max_feed_speed / (tare * sensor.period)
         jolt[2] = 2.0 * peg_mass * feed.acceleration(peg_mass)
         return cls(
             height=sensor.height,
@@ -117,12 +99,12 @@ class SensorLimits(NamedTuple):
             max_repeats=float(repeats_of_a_stuck_sensor(sensor)),
             # The first reading arrives one period after the delay; it is compared with the second one.
             first_comparison=sensor.delay + 1.5 * sensor.period,
-            max_change=top_speed * max(sensor.period, depth_period) + resolution,
+            max_change=feed.no_load_speed * depth_period + scenario.rig.encoder_resolution,
             max_force=sensor.blend * 2.0 * load_limit + DEVIATIONS * force,
             # Two opposite forces, one on either side of the outline.
-            max_moment=sensor.blend * 2.0 * load_limit * 2.0 * reach + DEVIATIONS * torque,
+            max_moment=sensor.blend * 2.0 * load_limit * 2.0 * g.reach + DEVIATIONS * torque,
             fading=math.exp(-sensor.period / SPIKE_TIME),
-            free_depth=free_depth,
+            free_depth=-rim if scenario.carrier == RIG else -math.inf,
             settling=float(math.ceil((sensor.delay + SETTLING * sensor.time_constant) / sensor.period)),
             tare=float(tare),
             bias=SIGMAS * bias + deviation + inertia,

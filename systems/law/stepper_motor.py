@@ -6,17 +6,21 @@ import math
 from typing import NamedTuple, Self
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context
 
 from compiled import compiled
 from models.hardware import StepperMotorParameters
 from skill.arrays import Array
+from systems.law.part import Part
 
 PERIOD_STEPS = 4  # full steps in one electrical period, the distance between two stable equilibria of the rotor
 
 POSITION, SPEED, SHIFT, TAKEN, LOST, SIZE = range(6)
 """Places in the state: ramp position and speed and slip of the rotor, in full steps, and the counts of microsteps taken
 and lost; and its size."""
+
+START = SIZE
+"""Place of the angle at time 0, rad, which follows the state of the step in that of `StepperMotor`."""
 
 
 class Axis(NamedTuple):
@@ -113,7 +117,7 @@ def ramp_speed(distance: float, speed: float, top: float, change: float, period:
     return sign * max(min(braking, top, sign * speed + change), sign * speed - change)
 
 
-class StepperMotor(LeafSystem):
+class StepperMotor(Part):
     """
     .. pydrake_system::
 
@@ -150,42 +154,19 @@ class StepperMotor(LeafSystem):
     """
 
     def __init__(self, *, parameters: StepperMotorParameters, period: float, start_angle: float) -> None:
-        super().__init__()
-        self._axis = Axis.of(parameters, period=period)
-        self._start = self.DeclareNumericParameter(BasicVector([start_angle]))
-        self._target = self.DeclareVectorInputPort("target_angle", 1)
-        self._measured = self.DeclareVectorInputPort("measured_angle", 1)
-        self._state = self.DeclareDiscreteState(SIZE)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        state = self.discrete_state_ticket(self._state)
-        start = self.pn_ticket()
-        self.DeclareVectorOutputPort("equilibrium_angle", 1, self._calc_equilibrium, {state, start})
-        self.DeclareVectorOutputPort("step_counts", 2, self._calc_counts, {state})
-        self.DeclareVectorOutputPort("shaft", 2, self._calc_shaft, {state, start, self._measured.ticket()})
+        axis = Axis.of(parameters, period=period)
+
+        def step(state: Array, target: float, measured: float) -> Array:
+            return np.append(stepper_step(axis, state[:SIZE], target, measured - state[START]), state[START])
+
+        inputs = {"target_angle": 1, "measured_angle": 1}
+        super().__init__(inputs, state=[*np.zeros(SIZE), start_angle], period=period, step=step)
+        self.declare_output("equilibrium_angle", 1, lambda state: state[START] + equilibrium_angle(axis, state))
+        self.declare_output("step_counts", 2, lambda state: state[TAKEN:START])
+        self.declare_output(
+            "shaft", 2, lambda state, measured: shaft_angles(axis, state, measured - state[START]), "measured_angle"
+        )
 
     def set_start_angle(self, context: Context, angle: float) -> None:
-        """Replaces theta_start, rad, in ``context``, which is this system's."""
-        context.get_mutable_numeric_parameter(self._start).SetFromVector([angle])
-
-    def _start_angle(self, context: Context) -> float:
-        return float(context.get_numeric_parameter(self._start).value()[0])
-
-    def _values(self, context: Context) -> Array:
-        return np.array(context.get_discrete_state(self._state).value())
-
-    def _turned(self, context: Context) -> float:
-        """The angle of the rotor relative to the start, rad."""
-        return float(self._measured.Eval(context)[0]) - self._start_angle(context)
-
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        target, state = self._target.Eval(context)[0], self._values(context)
-        discrete_state.set_value(self._state, stepper_step(self._axis, state, target, self._turned(context)))
-
-    def _calc_equilibrium(self, context: Context, output: BasicVector) -> None:
-        output[0] = self._start_angle(context) + equilibrium_angle(self._axis, self._values(context))
-
-    def _calc_counts(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._state).value()[TAKEN:])
-
-    def _calc_shaft(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(shaft_angles(self._axis, self._values(context), self._turned(context)))
+        """Replaces theta_start, rad, in ``context``, which is this system's, at time 0."""
+        context.SetDiscreteState([*np.zeros(SIZE), angle])

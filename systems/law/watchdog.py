@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from skill.arrays import Array
 from skill.data.axes import AXES
 from systems.law.faults import FEED_NUMBERS, SENSOR_NUMBERS, STEPS_LOST, Fault
 from systems.law.part import Part
+
+if TYPE_CHECKING:  # a scenario needs Drake
+    from models.scenario import Scenario
 
 LOST_LAG = 2.5  # steps; a rotor that lags by two has slipped, and lags by four as soon as it rests
 
@@ -42,6 +45,12 @@ class RetractLimits(NamedTuple):
     retract_speed: float
     retract_time: float
     lost_lag: float
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Self:
+        """Returns the limits of a scenario."""
+        p = scenario.controller
+        return cls(p.period, p.back_off.retract_speed, p.back_off.time, LOST_LAG * scenario.stepper.step_angle)
 
 
 @compiled
@@ -80,11 +89,11 @@ def watchdog_step(p: RetractLimits, state: Array, faults: Array, failed: bool, s
 
 
 @compiled
-def passed_command(p: RetractLimits, state: Array, place: int, command: float) -> float:
+def passed_command(p: RetractLimits, place: int, state: Array, command: float) -> float:
     """Returns what goes on of the command at a place.
 
     After a fault the turns stop, and the peg is retracted for ``retract_time``; then the feed stops. The feed is not
-    moved if its drive is at fault (`FEED_FAULTS`) or at the upper end of its travel.
+    moved if its drive is at fault or at the upper end of its travel.
     """
     if state[FAULT] == 0.0:
         return command
@@ -153,11 +162,7 @@ class Watchdog(Part):
         shafts = {f"{name}_shaft": 2 for name in axes}
         super().__init__({**inputs, **shafts}, state=np.zeros(SIZE), period=limits.period, step=step)
         for place, name in enumerate(COMMANDS):
-            self.declare_output(name, 1, partial(_passed, limits, place), name)
+            self.declare_output(name, 1, partial(passed_command, limits, place), name)
         self.declare_output("fault", 1, itemgetter(FAULT))
         self.declare_output("blind", 1, is_blind)
         self.declare_output("stopped", 1, partial(is_stopped, limits))
-
-
-def _passed(limits: RetractLimits, place: int, state: Array, command: float) -> float:
-    return passed_command(limits, state, place, command)

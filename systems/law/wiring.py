@@ -1,4 +1,8 @@
-"""The law of control: what stands between a sensor and the motors, whatever carries the peg."""
+"""The law of control: what stands between a sensor and the motors, whatever carries the peg.
+
+Functions with a builder are named as Drake's are: ``MakeX`` builds a diagram, ``AddX`` adds systems to it, and
+``ConnectX`` only connects them.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +22,9 @@ from systems.law.drive_monitor import DriveMonitor
 from systems.law.estimator import READINGS, PolicyEstimator
 from systems.law.faults import Fault
 from systems.law.force_guard import ForceGuard, GuardLimits, StoppingModel
-from systems.law.limits import retract_limits, sensor_limits
 from systems.law.policy_controller import ControllerLimits, PolicyController
-from systems.law.sensor_monitor import SensorMonitor
-from systems.law.watchdog import COMMANDS, Watchdog
+from systems.law.sensor_monitor import SensorLimits, SensorMonitor
+from systems.law.watchdog import COMMANDS, RetractLimits, Watchdog
 from systems.law.wrench_sensor import WrenchSensor
 
 
@@ -93,7 +96,7 @@ def AddLaw(
         policy = ReplacedWrench(policy, control.wrench, wrench_factor(control.wrench), scenario.geometry.reach)
     law = Law(
         monitor=builder.AddNamedSystem(
-            "sensor_monitor", SensorMonitor(limits=sensor_limits(scenario), period=sensor.period)
+            "sensor_monitor", SensorMonitor(limits=SensorLimits.of(scenario), period=sensor.period)
         ),
         estimator=builder.AddNamedSystem(
             "policy_estimator", PolicyEstimator(estimator=policy.estimator(), period=control.period)
@@ -102,13 +105,13 @@ def AddLaw(
             "policy_controller",
             PolicyController(policy=policy, limits=ControllerLimits.of(scenario, policy.period_)),
         ),
-        watchdog=builder.AddNamedSystem("watchdog", Watchdog(retract_limits(scenario), steppers)),
+        watchdog=builder.AddNamedSystem("watchdog", Watchdog(RetractLimits.of(scenario), steppers)),
         force_guard=builder.AddNamedSystem(
             "force_guard", ForceGuard(limits=GuardLimits.of(scenario), stopping=stopping)
         ),
     )
     for reader in (law.estimator, law.controller, law.force_guard):
-        connect_measurement(builder, law, reader)
+        ConnectMeasurement(builder, law, reader)
     builder.Connect(law.estimator.GetOutputPort("estimate"), law.controller.GetInputPort("estimate"))
     for name in ("target_pitch", "target_yaw"):
         builder.Connect(law.force_guard.GetOutputPort(name), law.controller.GetInputPort(name))
@@ -140,13 +143,13 @@ def AddSensor(
     return sensor
 
 
-def connect_measurement(builder: DiagramBuilder, law: Law, reader: LeafSystem) -> None:
+def ConnectMeasurement(builder: DiagramBuilder, law: Law, reader: LeafSystem) -> None:
     """Connects the monitored wrench and depth to a system that reads both."""
     for name in ("wrench", "depth"):
         builder.Connect(law.monitor.GetOutputPort(name), reader.GetInputPort(name))
 
 
-def connect_monitors(builder: DiagramBuilder, law: Law, drive_monitor: DriveMonitor | None) -> None:
+def ConnectMonitors(builder: DiagramBuilder, law: Law, drive_monitor: DriveMonitor | None) -> None:
     """Connects the monitors of sensor and drive with the watchdog; an arm has no monitor of a drive."""
     system = drive_monitor or builder.AddNamedSystem("no_drive_monitor", ConstantVectorSource([0.0]))
     drive_fault = system.GetOutputPort("fault" if drive_monitor else "y0")

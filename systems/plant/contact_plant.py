@@ -222,7 +222,7 @@ def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> Hydroelastic
 
     The peg has the coupling's virtual mass and inertia; its centre of mass is at the tip.
     """
-    plant, scene_graph = add_hydroelastic_plant(builder, scenario)
+    plant, scene_graph = AddHydroelasticPlant(builder, scenario)
     coupling = scenario.coupling
     radius = math.sqrt(2.5 * coupling.peg_inertia / coupling.peg_mass)  # a sphere with this inertia
     peg = plant.AddRigidBody(
@@ -247,7 +247,7 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
     """
     if scenario.rig.pivot_height is None:
         raise ValueError("scenario.rig.pivot_height is missing: the scenario is not resolved; use resolve_scenario")
-    plant, scene_graph = add_hydroelastic_plant(builder, scenario)
+    plant, scene_graph = AddHydroelasticPlant(builder, scenario)
     peg, block = _add_rig_bodies(plant, scenario)
     finish_contact_plant(plant, scene_graph, scenario, peg, block)
     centred = builder.AddNamedSystem("centred_mount", ConstantVectorSource(np.zeros(4)))
@@ -358,7 +358,7 @@ def _add_compliant_mount(plant: MultibodyPlant, scenario: Scenario, carriage: Ri
     return parent
 
 
-def add_hydroelastic_plant(builder: DiagramBuilder, scenario: Scenario) -> tuple[MultibodyPlant, SceneGraph]:
+def AddHydroelasticPlant(builder: DiagramBuilder, scenario: Scenario) -> tuple[MultibodyPlant, SceneGraph]:
     """Adds an empty plant with the scenario's contact model; returns it and its scene graph."""
     # The default model falls back to point contact, which replaces the bore by its convex hull.
     config = MultibodyPlantConfig(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.served_run import MAX_DELAY, ServedRun
+from experiments.demonstration_run import MAX_DELAY, ServedRun
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
 from systems.servo.probe import Probe
 from systems.virtual_environment import start_pose

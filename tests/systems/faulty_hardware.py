@@ -11,6 +11,7 @@ from systems.law import wiring as law_module
 from systems.law.dc_motor import DcMotor
 from systems.law.depth_encoder import DepthEncoder
 from systems.law.faults import Fault
+from systems.law.part import TIME
 from systems.law.stepper_motor import StepperMotor
 from systems.law.wrench_sensor import WrenchSensor
 
@@ -103,18 +104,15 @@ def dead_feed(onset):
 
 def blocked_stepper(onset):
     """The first stepper of a rig, that of pitch, does not turn from the onset on."""
-    built = []
+    blocked = {}  # the stepper, and the angle at which it is held
 
     class FaultyStepper(StepperMotor):
-        def __init__(self, **arguments):
-            super().__init__(**arguments)
-            built.append(self)
-
-        def _calc_equilibrium(self, context, output):
-            super()._calc_equilibrium(context, output)
-            if self is built[0] and context.get_time() >= onset:
-                self.held = getattr(self, "held", output[0])
-                output[0] = self.held
+        def declare_output(self, name, size, calc, *reads):
+            if name == "equilibrium_angle" and blocked.setdefault("stepper", self) is self:
+                turn = calc
+                calc = lambda state, time: turn(state) if time < onset else blocked.setdefault("angle", turn(state))  # noqa: E731
+                reads = [TIME]
+            super().declare_output(name, size, calc, *reads)
 
     return [FaultyStepper]
 

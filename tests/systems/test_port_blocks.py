@@ -16,11 +16,12 @@ from models.hardware import DEVICE_PRESETS
 from models.scenario import TRIAL_STREAM, Scenario, load_scenario, resolve_scenario
 from systems.arm.kinematics import ArmKinematics
 from systems.haptics.virtual_fixture import FreeFixture
+from systems.law.drive_monitor import DriveLimits
 from systems.law.force_guard import GuardLimits, StoppingModel
-from systems.law.limits import drive_limits, retract_limits, sensor_limits
 from systems.law.part import Part
 from systems.law.policy_controller import ControllerLimits
-from systems.law.watchdog import COMMANDS
+from systems.law.sensor_monitor import SensorLimits
+from systems.law.watchdog import COMMANDS, RetractLimits
 
 S = Scenario()
 X = RigidTransform()
@@ -59,8 +60,8 @@ ARGUMENTS = {
         "limits": GuardLimits.of(S),
         "stopping": StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=1600.0, turn_impact=340.0),
     },
-    "DriveMonitor": lambda skill: {"limits": drive_limits(S)},
-    "SensorMonitor": lambda skill: {"limits": sensor_limits(S), "period": 1e-3},
+    "DriveMonitor": lambda skill: {"limits": DriveLimits.of(S)},
+    "SensorMonitor": lambda skill: {"limits": SensorLimits.of(S), "period": 1e-3},
     "ExactPeg": lambda skill: {"scenario": S},
     "ExactPlant": lambda skill: {"scenario": TRIAL},
     "PassivityObserver": lambda skill: {"period": 1e-3, "X_HD_start": X},
@@ -72,7 +73,7 @@ ARGUMENTS = {
         "offset": [0.0, 0.0],
     },
     "StepperMotor": lambda skill: {"parameters": S.stepper, "period": 1e-3, "start_angle": 0.0},
-    "Watchdog": lambda skill: {"limits": retract_limits(S)},
+    "Watchdog": lambda skill: {"limits": RetractLimits.of(S)},
     "WrenchSensor": lambda skill: {"parameters": S.sensor, "seed": 0, "weld": 0, "tare": np.zeros(6)},
 }
 

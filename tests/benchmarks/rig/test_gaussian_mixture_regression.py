@@ -42,14 +42,6 @@ def test_the_prediction_for_a_distant_query_is_finite():
         assert np.isfinite(gmr_predict(means, covariances, weights, [[far, -far]], [0, 1], [2, 3])).all()
 
 
-def test_a_component_of_weight_zero_has_no_effect():
-    means, covariances, weights = mixture()
-    X = np.zeros((3, 2))
-    two = gmr_predict(means[:2], covariances[:2], weights[:2], X, [0, 1], [2, 3])
-    weights = np.append(weights[:2], 0.0)
-    np.testing.assert_allclose(gmr_predict(means, covariances, weights, X, [0, 1], [2, 3]), two)
-
-
 def test_a_covariance_that_is_not_positive_definite_is_named():
     means, _, weights = mixture()
     with pytest.raises(ValueError, match="covariance 0 is not positive definite"):

@@ -65,11 +65,6 @@ def test_a_share_of_the_demonstrations_is_replaced_by_corrections(practice):
     assert practice.learnt[0] == [0, 1, 2, 3, 5, 4]  # five good ones and a bad one
 
 
-def test_a_skill_that_is_never_stuck_learns_once(practice):
-    corrected(training_context(3), trials=1)
-    assert len(practice.learnt) == 1
-
-
 def test_a_law_that_is_tuned_for_an_arm_is_not_made_for_all():
     with pytest.raises(ValueError, match="MomentCompliance is tuned for one set of trials"):
         tuned_compliance(TrainingContext(load_scenario(), None, [], 0))

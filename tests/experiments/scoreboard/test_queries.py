@@ -6,7 +6,7 @@ import shlex
 
 import pytest
 
-from experiments.scoreboard.queries import cell_commands, paired_command, row_command, sweep_commands
+from experiments.scoreboard.queries import commands_of, paired_command, row_command, sweep_commands
 from experiments.scoreboard.result_store import read_trials
 from experiments.scoreboard.summary import make_scoreboard
 from tests.experiments.scoreboard.simulated_trials import LEARNT, OTHER, write_results, write_trials
@@ -24,7 +24,7 @@ def board(tmp_path_factory):
 
 
 def rows_of(board):
-    return [(table.cell, row) for table in board.tables for row in table.rows]
+    return [(table.conditions, row) for table in board.tables for row in table.rows]
 
 
 def computed(command):
@@ -35,20 +35,24 @@ def computed(command):
 
 
 def test_the_command_of_a_row_gives_its_numbers(board):
-    for cell, row in rows_of(board):
-        found, text = computed(row_command(board, row.summary.policy, cell))
+    for conditions, row in rows_of(board):
+        found, text = computed(row_command(board, row.summary.policy, conditions))
         assert "back-offs" in text
         assert found["trials"] == row.summary.trials
         for name, expected in row.summary.numbers.items():
-            assert found[name] == pytest.approx(expected, rel=1e-9, nan_ok=True), (cell.title, row.summary.policy, name)
+            assert found[name] == pytest.approx(expected, rel=1e-9, nan_ok=True), (
+                conditions.title,
+                row.summary.policy,
+                name,
+            )
 
 
 def test_the_command_of_the_pairs_gives_their_numbers(board):
     compared = 0
-    for cell, row in rows_of(board):
+    for conditions, row in rows_of(board):
         if row.paired is None:
             continue
-        found, _ = computed(paired_command(board, row.summary.policy, cell))
+        found, _ = computed(paired_command(board, row.summary.policy, conditions))
         expected = [row.paired.pairs, row.paired.better, row.paired.worse, row.paired.slower]
         assert found.to_list() == pytest.approx(expected, rel=1e-9)
         compared += 1
@@ -56,12 +60,12 @@ def test_the_command_of_the_pairs_gives_their_numbers(board):
 
 
 def test_the_commands_name_the_sweep_and_the_reference(board):
-    cell = board.tables[0].cell
-    commands = dict(cell_commands(board, OTHER, cell))
+    conditions = board.tables[0].conditions
+    commands = dict(commands_of(board, OTHER, conditions))
     assert commands["make the trials of Nominal trials"] == sweep_commands(board)[0]
     arguments = shlex.split(sweep_commands(board)[0])
     specification = board.folder / "sweeps" / "nominal.yaml"
     assert arguments == ["haptic-skill", "sweep", str(specification), "--out", str(board.folder)]
     assert f"pairs with {LEARNT}" in commands
-    assert f"pairs with {LEARNT}" not in dict(cell_commands(board, LEARNT, cell))
+    assert f"pairs with {LEARNT}" not in dict(commands_of(board, LEARNT, conditions))
     assert all("\n" not in command for command in commands.values())

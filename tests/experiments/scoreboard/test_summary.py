@@ -98,7 +98,7 @@ def test_p_values_flip_the_means_of_the_sets_and_are_corrected_over_the_rows(tmp
     write_results(tmp_path, count=60, frictions=(), sets=9)
     found = read_trials(tmp_path).table
     for table in make_scoreboard(read_trials(tmp_path)).tables:
-        rows = found[found["trial_set"] == table.cell.trial_set]
+        rows = found[found["trial_set"] == table.conditions.trial_set]
         by_policy = {name: part.set_index("trial").sort_index() for name, part in rows.groupby("policy", observed=True)}
         mine, p, p_time = by_policy[LEARNT], [], []
         for row in table.rows[1:]:
@@ -137,7 +137,7 @@ def test_tables_are_sorted_by_arm_and_by_the_size_of_the_factors(tmp_path):
     write_trials(tmp_path, [*rows, {"trial": 9}])
     write_trials(tmp_path, [{"trial": 9}], trial_set="hard")
     tables = board_of(tmp_path).tables
-    assert [table.cell.title for table in tables] == [
+    assert [table.conditions.title for table in tables] == [
         "usual trials, drake",
         *(f"usual trials, drake, demos {v}, kind a" for v in (2, 10, 30)),
         "hard trials, drake",

@@ -24,7 +24,7 @@ CALM = {
 
 
 def step(state, *, feed=FEED, **measured):
-    floats = BackOffState.from_list(state)  # one type of each number, for which the step is compiled once
+    floats = BackOffState(*map(float, state))  # one type of each number, for which the step is compiled once
     return back_off_step(P, floats, period=0.02, feed_speed=feed, **{**CALM, **measured})
 
 

@@ -1,9 +1,5 @@
 import numpy as np
 import pytest
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
-from scipy.signal import TransferFunction, step
 
 from models.hardware import DcMotorParameters
 from systems.law.dc_motor import DcMotor
@@ -94,47 +90,6 @@ def test_the_integral_is_frozen_while_the_current_is_limited():
     dut.GetInputPort("speed_command").FixValue(context, [-0.03])
     update(dut, context, period=PERIOD, times=3)
     assert current(dut, context) < 0
-
-
-def speeds(parameters, command, times, period):
-    """Speeds of a free carriage with the drive, from rest, m/s."""
-    builder = DiagramBuilder()
-    source = builder.AddSystem(ConstantVectorSource([command]))
-    dut = builder.AddSystem(DcMotor(parameters=parameters, period=period))
-    carriage = builder.AddSystem(
-        LinearSystem(
-            A=np.array([[0.0, 1.0], [0.0, 0.0]]), B=np.array([[0.0], [1 / MASS]]), C=np.eye(2), D=np.zeros((2, 1))
-        )
-    )
-    enabled = builder.AddSystem(ConstantVectorSource([1.0]))
-    builder.Connect(enabled.get_output_port(), dut.GetInputPort("enabled"))
-    builder.Connect(source.get_output_port(), dut.GetInputPort("speed_command"))
-    builder.Connect(dut.GetOutputPort("carriage_force"), carriage.get_input_port())
-    builder.Connect(carriage.get_output_port(), dut.GetInputPort("carriage_state"))
-    simulator = Simulator(builder.Build())
-    own = carriage.GetMyContextFromRoot(simulator.get_context())
-    values = []
-    for t in times:
-        simulator.AdvanceTo(t)
-        values.append(own.get_continuous_state_vector()[1])
-    return np.array(values)
-
-
-def test_a_small_step_of_the_speed_loop_is_that_of_a_second_order_transfer_function():
-    """Denominator J s^2 + (eta k_t (k_p + k_e)/R + b) s + eta k_t k_i/R; the electrical lag is below the period.
-
-    The command is fed forward with the back-EMF constant, so the zero is at -k_i / (k_p + k_e).
-    """
-    p = DcMotorParameters(coulomb_friction=0.0, inductance=1e-6, current_limit=1e3)
-    gain = p.ratio**2 * p.screw_efficiency * p.torque_constant / p.resistance
-    viscous = p.ratio**2 * p.viscous_friction
-    numerator = [gain * (p.speed_kp + p.torque_constant), gain * p.speed_ki]
-    denominator = [MASS, gain * (p.speed_kp + p.torque_constant) + viscous, gain * p.speed_ki]
-    times = np.linspace(0.004, 0.12, 30)
-    command = 0.002
-    _, expected = step(TransferFunction(numerator, denominator), T=np.concatenate([[0.0], times]))
-    found = speeds(p, command, times, period=1e-4)
-    np.testing.assert_allclose(found / command, expected[1:], atol=0.02)
 
 
 def test_a_disabled_motor_is_short_circuited():

@@ -2,28 +2,22 @@ import math
 
 import pytest
 
-from models.control import DriveMonitorParameters
-from models.hardware import DcMotorParameters
 from models.scenario import Scenario
-from systems.law.drive_monitor import ENCODER_GAIN_ERROR, ENCODER_SLACK, DriveLimits, DriveMonitor, Travel
+from systems.law.drive_monitor import ENCODER_GAIN_ERROR, ENCODER_SLACK, DriveLimits, DriveMonitor
 from systems.law.faults import Fault
 from tests.stepping import fixed_context, update
 
-P, MOTOR = DriveMonitorParameters(), DcMotorParameters()
+S = Scenario()
+P, MOTOR, LIMITS = S.controller.drive_monitor, S.feed, DriveLimits.of(S)
 PERIOD, RESOLUTION = 2e-3, 5e-6
-LIMITS = Travel(upper=-0.013, lower=0.026)
 START = -0.003  # in units of m, depth
-
-
-def monitor(motor):
-    return DriveMonitor(DriveLimits.of(P, motor=motor, travel=LIMITS, resolution=RESOLUTION, period=PERIOD))
 
 
 class Feed:
     """A feed with its monitor, one period at a time."""
 
     def __init__(self, current=0.4, wrench=(0.0,) * 6, depth=START):
-        self.dut = monitor(MOTOR)
+        self.dut = DriveMonitor(LIMITS)
         self.travel, self.depth = 0.080 - depth, depth
         self.context = fixed_context(
             self.dut, feed_speed=[0.0], wrench=wrench, depth=[depth], current=[current], travel=[self.travel]
@@ -100,7 +94,9 @@ def test_a_feed_that_does_not_move_is_stalled_or_dead_or_blocked_by_the_contact(
 
 
 def test_a_drive_without_an_integral_gain_is_not_dead():
-    dut = monitor(DcMotorParameters(speed_ki=0.0))
+    scenario = Scenario()
+    scenario.feed.speed_ki = 0.0
+    dut = DriveMonitor(DriveLimits.of(scenario))
     inputs = {"feed_speed": [-0.01], "wrench": [0.0] * 6, "depth": [0.0], "current": [0.1], "travel": [0.08]}
     context = fixed_context(dut, **inputs)
     update(dut, context, period=PERIOD, times=2 * PUSHING)
@@ -139,8 +135,4 @@ def test_the_travel_is_limited_in_the_direction_of_the_limit_only():
 
 
 def test_the_limits_lie_above_the_start_and_below_the_bottom():
-    scenario = Scenario()
-    limits = Travel.of(scenario)
-    assert limits.upper == pytest.approx(-0.013)
-    assert limits.lower == pytest.approx(0.026)
-    assert limits.lower > scenario.full_depth
+    assert (LIMITS.upper, LIMITS.lower) == pytest.approx((-0.013, 0.026))

@@ -15,7 +15,7 @@ from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
 from systems import rig as rig_module
 from systems.law.depth_encoder import DepthEncoder
-from systems.law.faults import FEED_FAULTS, Fault, error_summary
+from systems.law.faults import FEED_NUMBERS, Fault, error_summary
 from tests.systems.faulty_hardware import KINDS, injected
 
 BEGIN = 0.12  # in units of s; the peg touches the chamfer by then
@@ -63,7 +63,7 @@ def check_safe_ending(result, run, fault, *, retracts=True, within=2.0):
     assert result.fault is fault
     assert result.reason.startswith(fault.label)
     assert result.time < within
-    limit = RUNAWAY_FORCE if fault in FEED_FAULTS else SAFE_FORCE
+    limit = RUNAWAY_FORCE if fault in FEED_NUMBERS else SAFE_FORCE
     assert max(result.peak_axial_force, result.peak_lateral_force) < limit
     s = run.samples
     assert np.isfinite(s.to_numpy()).all()
@@ -143,7 +143,7 @@ def test_a_fault_of_each_kind_is_named_and_ends_a_trial_at_a_small_load(scenario
     assert result.fault in KINDS[name].named
     # A dead drive lets the weight press the peg on, as the policy wants; only the first retraction shows it.
     within = 3.5 if name == "feed dead" else 2.0
-    check_safe_ending(result, run, result.fault, retracts=result.fault not in FEED_FAULTS, within=within)
+    check_safe_ending(result, run, result.fault, retracts=result.fault not in FEED_NUMBERS, within=within)
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ class FixedPolicy:
 
 
 GENTLE = ControllerParameters(
-    gain=1.0, max_turn_rate=100.0, max_turn=1e9, max_feed_speed=100.0, guard=ForceGuardParameters(force_limit=1e9)
+    gain=1.5, max_turn_rate=100.0, max_turn=1e9, max_feed_speed=100.0, guard=ForceGuardParameters(force_limit=1e9)
 )  # commands stay within all limits
 GUARDED = replace(GENTLE, guard=ForceGuardParameters(force_limit=20.0))
 BACK_OFF = BackOffParameters()
@@ -83,55 +83,25 @@ def test_the_turn_about_the_axis_is_limited_and_never_reversed(skill, measuremen
     dut, context, _ = controller(FixedPolicy(skill, action), measurements[0])
     state = ControllerState(back_off=BackOffState(reversing=float(turning < 0.0)))
     context.SetDiscreteState(state.as_list())
-    assert step(dut, context)["clocking_rate"] == pytest.approx(-1e-3 / skill.period_)
+    assert step(dut, context)["clocking_rate"] == pytest.approx(-GENTLE.gain * 1e-3 / skill.period_)
     assert dut.GetOutputPort("turning").Eval(context)[0] == turning
     slow = replace(GENTLE, max_turn_rate=0.02)
     assert step(*controller(FixedPolicy(skill, action), measurements[0], slow)[:2], slow)["clocking_rate"] == -0.02
 
 
-@pytest.mark.parametrize("gain", [0.0, 0.5, 2.0])
-def test_the_gain_scales_the_turn_and_not_the_feed(skill, measurements, gain):
-    row = measurements[len(measurements) // 3]
-    one = step(*controller(skill, row)[:2])
-    scaled = replace(GENTLE, gain=gain)
-    found = step(*controller(skill, row, scaled)[:2], scaled)
-    assert found["pitch_rate"] == pytest.approx(gain * one["pitch_rate"])
-    assert found["feed_speed"] == one["feed_speed"]
-
-
-@pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.48, 0.64, 0.6]])
-def test_above_the_force_limit_the_peg_is_backed_off_without_turning(skill, measurements, direction):
+@pytest.mark.parametrize("direction", [[0.48, 0.64, 0.6, 0, 0, 0], [0, 0, 0, 0.6 * RADIUS, 0.8 * RADIUS, 0]])
+def test_above_the_limit_of_force_or_moment_the_peg_is_backed_off_without_turning(skill, measurements, direction):
     row = measurements[len(measurements) // 3].copy()
-    row[3:6] = 0.0
-    row[:3] = 19.99 * np.array(direction)
+    row[:6] = 19.99 * np.array(direction)
     found = step(*controller(skill, row, GUARDED)[:2], GUARDED)
     assert found["back_off"] == 0.0
-    row[:3] = 20.01 * np.array(direction)
+    row[:6] = 20.01 * np.array(direction)
     found = step(*controller(skill, row, GUARDED)[:2], GUARDED)
     drawn_back = {"feed_speed": BACK_OFF.retract_speed, "unwinding": 0.0, "back_off": 1.0}
     assert found == {"pitch_rate": 0.0, "yaw_rate": 0.0, "clocking_rate": 0.0, **drawn_back}
 
 
-def test_a_moment_contributes_to_the_load(skill, measurements):
-    """A wedged peg carries a moment without a net force."""
-    row = measurements[len(measurements) // 3].copy()
-    for size, guard in ((19.99, 0.0), (20.01, 1.0)):
-        row[:6] = [0.0, 0.0, 0.0, 0.6 * size * RADIUS, 0.8 * size * RADIUS, 0.0]
-        assert step(*controller(skill, row, GUARDED)[:2], GUARDED)["back_off"] == guard
-
-
-def test_an_unknown_state_halves_the_feed_and_not_the_turn(skill, measurements):
-    row = measurements[0]
-    dut, context, _ = controller(skill, row)
-    known = step(dut, context)
-    dut, context, _ = controller(skill, row)
-    believe(dut, context, replace(skill.estimate_alone(row), known=False))
-    unknown = step(dut, context)
-    assert unknown["feed_speed"] == pytest.approx(0.5 * known["feed_speed"])
-    assert unknown["pitch_rate"] == known["pitch_rate"]
-
-
-def test_low_support_reduces_the_feed_and_is_an_output(skill, measurements):
+def test_low_support_and_an_unknown_state_reduce_the_feed(skill, measurements):
     dut, context, action = controller(skill, measurements[0])
     whole = step(dut, context)["feed_speed"]
     policy = FixedPolicy(skill, replace(action, support=0.25))
@@ -139,6 +109,8 @@ def test_low_support_reduces_the_feed_and_is_an_output(skill, measurements):
     assert dut.GetOutputPort("support").Eval(context)[0] == 1.0
     assert step(dut, context)["feed_speed"] == pytest.approx(0.25 * whole)
     assert dut.GetOutputPort("support").Eval(context)[0] == 0.25
+    believe(dut, context, replace(skill.estimate_alone(measurements[0]), known=False))
+    assert step(dut, context)["feed_speed"] == pytest.approx(0.125 * whole)
 
 
 @pytest.mark.parametrize(
@@ -201,22 +173,6 @@ def test_a_policy_with_nothing_new_to_try_stops_and_says_what_it_tried(skill, me
     name = skill.state_names()[skill.estimate_alone(np.array([0, 0, 5.0, 0, 0, 0, -0.0123])).state]
     expected = f"{1 + BACK_OFF.max_repeats} attempts in a row ended in {name!r}, none deeper than 12.3 mm"
     assert dut.tried(context) == expected
-
-
-def test_after_two_attempts_that_end_alike_the_hole_turns_the_other_way(skill, measurements):
-    """The wrench and the depth stay the same: a deadlock. The policy alone would go on as before."""
-    policy = FixedPolicy(skill, Action(turn=np.array([2e-4, -1e-4]), feed=-1e-4))
-    dut, context, _ = controller(policy, measurements[3])
-    first = step(dut, context)
-    turning = []
-    while not dut.GetOutputPort("given_up").Eval(context)[0]:
-        found = step(dut, context)
-        turning.append(dut.GetOutputPort("turning").Eval(context)[0])
-        for name in ("pitch_rate", "yaw_rate"):
-            assert found[name] == pytest.approx(turning[-1] * first[name])
-    changes = [turning[0], *(now for now, last in zip(turning[1:], turning, strict=False) if now != last)]
-    assert changes == [1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0]
-    assert BACK_OFF.max_repeats == 4
 
 
 def test_turns_that_raise_the_lateral_force_are_reversed(skill, measurements):

@@ -3,17 +3,15 @@ import math
 import numpy as np
 import pytest
 
-from models.hardware import DcMotorParameters, WrenchSensorParameters
-from models.scenario import load_scenario
+from models.hardware import WrenchSensorParameters
+from models.scenario import Scenario, load_scenario
 from systems.law.faults import Fault, repeats_of_a_stuck_sensor
-from systems.law.limits import sensor_limits
 from systems.law.sensor_monitor import SensorLimits, SensorMonitor
 from systems.law.wrench_sensor import wrench_at_tip
 from tests.stepping import fixed_context, update
 
 SENSOR = WrenchSensorParameters()
-TOP_SPEED, RESOLUTION = 0.4, 5e-6
-LIMIT, RADIUS = 50.0, 0.010
+TOP_SPEED, RESOLUTION = Scenario().feed.no_load_speed, 5e-6
 SIGNED = [(channel, (-1.0) ** channel) for channel in range(6)]
 
 
@@ -23,18 +21,9 @@ def dut():
 
 
 def make_monitor(sensor=SENSOR, depth_period=SENSOR.period, free_depth=-math.inf):
-    limits = SensorLimits.of(
-        sensor,
-        top_speed=TOP_SPEED,
-        resolution=RESOLUTION,
-        depth_period=depth_period,
-        load_limit=LIMIT,
-        reach=RADIUS,
-        peg_mass=0.15,
-        feed=DcMotorParameters(),
-        feed_speed=0.03,
-        free_depth=free_depth,
-    )
+    scenario = Scenario(sensor=sensor)
+    scenario.contact.time_step, scenario.controller.guard.force_limit = depth_period, 50.0
+    limits = SensorLimits.of(scenario)._replace(free_depth=free_depth)
     return SensorMonitor(limits=limits, period=sensor.period)
 
 
@@ -251,5 +240,5 @@ def test_a_tare_begins_anew_after_each_contact():
 def test_free_air_begins_above_the_corners_of_a_tilted_mouth():
     square = load_scenario("square")
     corner = math.sqrt(2.0) * 0.0095 + 0.00105  # corners keep their centres; clearance and chamfer add 0.55 mm
-    assert sensor_limits(square).free_depth == pytest.approx(-corner * math.sin(square.controller.max_turn))
-    assert sensor_limits(load_scenario("fr3")).free_depth == -math.inf
+    assert SensorLimits.of(square).free_depth == pytest.approx(-corner * math.sin(square.controller.max_turn))
+    assert SensorLimits.of(load_scenario("fr3")).free_depth == -math.inf

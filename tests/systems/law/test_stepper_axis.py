@@ -86,15 +86,6 @@ def test_a_released_axis_vibrates_at_its_frequency_and_decays_with_its_damping()
     assert theta.min() < -0.05 * start
 
 
-@pytest.mark.parametrize("share", [-0.9, 0.2, 0.9])
-def test_a_load_below_the_holding_torque_deflects_the_axis_by_torque_over_stiffness(share):
-    p = Scenario().stepper
-    axis = PitchAxis(load=share * p.holding_torque)
-    axis.simulator.AdvanceTo(0.15)
-    assert axis.angle == pytest.approx(share * p.holding_torque / p.stiffness, rel=2e-3)
-    assert axis.lost == 0
-
-
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_load_above_the_holding_torque_makes_the_axis_slip_by_one_electrical_period(sign):
     p = Scenario().stepper

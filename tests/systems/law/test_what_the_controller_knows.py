@@ -18,7 +18,7 @@ from systems.law.depth_encoder import DepthEncoder
 from systems.law.drive_monitor import DriveMonitor
 from systems.law.estimator import PolicyEstimator
 from systems.law.force_guard import ForceGuard
-from systems.law.part import TIME
+from systems.law.part import TIME, Part
 from systems.law.policy_controller import PolicyController
 from systems.law.sensor_monitor import SensorMonitor
 from systems.law.stepper_motor import StepperMotor
@@ -32,10 +32,11 @@ CONTROL = (SensorMonitor, PolicyEstimator, PolicyController, Watchdog, ForceGuar
 MEASURED = (
     (law_module, WrenchSensor, {"wrench": "_calc_wrench"}, ["wrench_sensor"]),
     (rig_module, DepthEncoder, {"depth": "_calc"}, ["depth_encoder"]),
-    (rig_module, DcMotor, {}, ["dc_motor"]),
-    (rig_module, StepperMotor, {"shaft": "_calc_shaft"}, ["pitch_stepper", "yaw_stepper"]),
+    (rig_module, DcMotor, {"current": None, "travel": None}, ["dc_motor"]),
+    (rig_module, StepperMotor, {"shaft": None}, ["pitch_stepper", "yaw_stepper"]),
 )
-"""What a rig measures: the module that builds it, the kind of system, the methods of its ports, and its names."""
+"""What a rig measures: the module that builds it, the kind of system, its ports with their methods, and its names; a
+`Part` declares its ports without methods."""
 
 
 @pytest.fixture
@@ -143,17 +144,17 @@ def replay(readings, period, monkeypatch):
     def calc(self, context, output, *, port):
         output.SetFromVector(at(context.get_time())[self.get_name(), port])
 
-    class ReplayingMotor(DcMotor):
-        def declare_output(self, name, size, calc, *reads):
-            if name in {"current", "travel"}:
-                super().declare_output(name, size, lambda state, time: at(time)[self.get_name(), name], TIME)
-            else:
-                super().declare_output(name, size, calc, *reads)
+    def declare_output(self, name, size, calc, *reads, ports):
+        if name in ports:
+            calc, reads = lambda state, time: at(time)[self.get_name(), name], [TIME]
+        Part.declare_output(self, name, size, calc, *reads)
 
-    for module, kind, methods, _ in MEASURED:
-        replaying = {method: functools.partialmethod(calc, port=port) for port, method in methods.items()}
-        replacement = ReplayingMotor if kind is DcMotor else type(kind.__name__, (kind,), replaying)
-        monkeypatch.setattr(module, kind.__name__, replacement)
+    for module, kind, ports, _ in MEASURED:
+        if issubclass(kind, Part):
+            replaying = {"declare_output": functools.partialmethod(declare_output, ports=ports)}
+        else:
+            replaying = {method: functools.partialmethod(calc, port=port) for port, method in ports.items()}
+        monkeypatch.setattr(module, kind.__name__, type(kind.__name__, (kind,), replaying))
 
 
 def hidden(scenario, share):

@@ -129,22 +129,3 @@ def test_a_delayed_sensor_gives_exactly_the_same_readings_later(samples):
     first, second = (np.array([read(*unit).copy() for _ in range(20)]) for unit in (at_once, late))
     np.testing.assert_array_equal(second[:samples], 0.0)
     np.testing.assert_array_equal(second[samples:], first[: 20 - samples])
-
-
-@pytest.mark.slow
-def test_the_drift_is_a_random_walk_with_a_variance_proportional_to_time():
-    sigma = np.repeat([0.02, 4e-4], 3)
-    n, seeds = 400, 60
-    walks = []
-    for seed in range(seeds):
-        dut, context, p = sensor([0.0] * 6, seed=seed, height=0.0, force_drift=0.02, torque_drift=4e-4, **IMMEDIATE)
-        walks.append([read(dut, context, p).copy() for _ in range(n)])
-    walks = np.array(walks) / sigma  # (seed, sample, channel)
-    m = 6 * seeds
-    for k in (24, 99, 399):
-        variance = (walks[:, k] ** 2).mean()
-        assert variance == pytest.approx((k + 1) * p.period, rel=5 * math.sqrt(2 / m))
-    # The steps are independent.
-    steps = np.diff(walks, axis=1)
-    assert (steps**2).mean() == pytest.approx(p.period, rel=5 * math.sqrt(2 / steps.size))
-    assert abs((steps[:, 1:] * steps[:, :-1]).mean()) < 5 * p.period / math.sqrt(steps.size)

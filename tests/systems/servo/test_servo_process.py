@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.served_run import ServedRun
+from experiments.demonstration_run import ServedRun
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
 from skill.data.outcome import Outcome
 from systems.servo.own_time import LONGEST_LOOK, OwnTime
@@ -166,7 +166,7 @@ def test_a_servo_that_stands_still_is_silent_and_begins_again_from_no_force(scen
 ORPHAN = f"""
 import os
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
-from experiments.served_run import ServedRun
+from experiments.demonstration_run import ServedRun
 from systems.servo.servo_client import ServoClient
 
 if __name__ == "__main__":
