@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from scripts import rig
 from scripts.command_line import (
+    SHIPPED,
     Bad,
     Engine,
     Jobs,
@@ -58,8 +59,10 @@ def main(
         haptic-skill demo --trials 20 --seed 1 --out out/again
     """
     import json
+    import os
     import time
     from contextlib import ExitStack
+    from multiprocessing import get_context
 
     from experiments.corrections import CorrectionPlan
     from experiments.outputs.folder_lock import locked_file, locked_folder, remove_unfinished
@@ -67,7 +70,7 @@ def main(
     from experiments.outputs.output_set import DEMONSTRATIONS, RUNS, SetIndex, check_set
     from experiments.provenance import versions
     from interfaces.reports.result_tables import result_summary, result_table, state_table
-    from interfaces.terminal import only_progress, say, show
+    from interfaces.terminal import busy, only_progress, say, show
     from models.scenario import dump_scenario
     from skill.data.files import write_atomically
     from skill.manipulation_skill import ManipulationSkill
@@ -96,6 +99,9 @@ def main(
             write_atomically(state_file, json.dumps({"request": request, "finished": finished}).encode())
 
         finish("start")
+        beside = get_context("spawn").Process(target=compile_beside, args=(scenario, os.getpid()), daemon=True)
+        if "skill" not in finished and performed_in == "exact":
+            beside.start()
         with ExitStack() if verbose else only_progress():
             is_old = "record" not in finished
             recordings = record(
@@ -105,7 +111,9 @@ def main(
             if "skill" not in finished:
                 train([recorded], out=skill_file, seed=seed)
                 if performed_in == "exact":
-                    compile_loop(skill_file, scenario)
+                    with busy("compiling the loop of the trials, once on this machine"):
+                        beside.join()
+                        compile_loop(skill_file, scenario)
                 plan = CorrectionPlan(rounds=1, trials=PRACTICE_TRIALS, most=CORRECTIONS, seed=seed)
                 files = (skill_file, recorded, out / "corrections", skill_file)
                 correct_simulated(*files, plan, scenario=scenario, engine=performed_in, jobs=jobs, overwrite=True)
@@ -140,17 +148,26 @@ def main(
     say(f"  {out / 'replay_demonstration.html'}: a demonstration")
 
 
+def compile_beside(scenario: str, parent: int) -> None:
+    """Compiles the loop in a process of its own, while demonstrations are recorded, with the shipped skill."""
+    from contextlib import suppress
+
+    from experiments.worker_pool import watch_parent
+
+    watch_parent(parent)
+    with suppress(ValueError):  # the skill is for another part; the loop is compiled with the new one
+        compile_loop(SHIPPED, scenario)
+
+
 def compile_loop(skill_file: Path, scenario: str) -> None:
     """Performs the beginning of a trial, so that the loop is compiled before several processes need it."""
     from experiments.trial.run_trial import run_trial
     from experiments.trial.trial_set import trial_scenario
-    from interfaces.terminal import busy
     from skill.manipulation_skill import ManipulationSkill
 
     chosen = read_scenario(scenario, "exact")
     chosen.trial.time_limit = 0.05
-    with busy("compiling, once on this machine, about two minutes"):
-        run_trial(trial_scenario(chosen, number=0), ManipulationSkill.load(skill_file), seed=0)
+    run_trial(trial_scenario(chosen, number=0), ManipulationSkill.load(skill_file), seed=0)
 
 
 def starting_tilt(recording: Path) -> float:
