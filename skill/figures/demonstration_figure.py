@@ -30,7 +30,7 @@ COLOURS = {
 def summarise(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
     """Returns a table with one row for each demonstration.
 
-    Its columns are habit, person, good, outcome (`Outcome`), peak_force (N), time (s) and tilt (at the start, rad).
+    Its columns are habit, person, good, outcome (`Outcome`), peak_force (N) and time (s).
     """
     rows = []
     for demonstration in demonstrations:
@@ -43,7 +43,6 @@ def summarise(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
                 "outcome": demonstration.outcome,
                 "peak_force": float(force.max()),
                 "time": demonstration.duration,
-                "tilt": float(demonstration.samples["angle"].iloc[0]),
             }
         )
     return pd.DataFrame(rows)
