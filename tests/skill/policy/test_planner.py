@@ -35,13 +35,6 @@ def planned(response, target, *, bounds=WIDE, usual=(0.0, 0.0, 0.0), spread=SPRE
     )
 
 
-def test_prior_and_target_are_weighted_by_their_spreads():
-    # u = s_u^2 B t / (s_l^2 + s_u^2 B^2): the posterior mean of a normal prior around zero.
-    b, t = -300.0, -3.0
-    expected = SPREAD[1] ** 2 * b * t / (LOAD_TOLERANCE**2 + SPREAD[1] ** 2 * b**2)
-    np.testing.assert_allclose(planned(responding(0, 1, b), [t, 0, 0, 0, 0]), [0.0, expected, 0.0], atol=1e-12)
-
-
 def test_loads_beyond_the_bounds_hold_a_motion_back():
     # Feeding by 1 mm is usual and adds 10 N; 2 N are allowed.
     response, usual = responding(4, 2, -1e4), np.array([0.0, 0.0, -1e-3])

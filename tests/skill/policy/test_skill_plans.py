@@ -58,20 +58,6 @@ def pushed(force=7.0, depth=0.004):
     return np.array([force, 0.0, 0.0, 0.0, 0.0, 0.0, -depth])
 
 
-def test_the_forward_model_finds_the_answer_to_a_turn(planning):
-    model, row = planning.planning_, pushed()
-    X, P = planning.features_.transform(row[None])[0], planning.state_probabilities(row[None])[0]
-    _, response = model.forward(model.log_weights(X, P))
-    assert response[0, 1] == pytest.approx(800.0, rel=0.1)
-
-
-@pytest.mark.parametrize("force", [4.0, 8.0])
-def test_the_plan_begins_with_the_present_loads(planning, force):
-    plan = planning.explain(pushed(force)).prediction.plan
-    assert plan.desired.time > 0.0
-    assert plan.loads[0] == pytest.approx(force)
-
-
 def test_a_planned_action_differs_from_the_imitated_one_by_the_plan_alone(planning, monkeypatch):
     row = pushed()
     imitated = planning.imitation().predict(planning._query(row, None))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from skill.features.canonical_frame import turned_rows
 from skill.features.wrench_features import CanonicalFeatures
-from skill.policy.transitions import HORIZON, Transitions, horizon_steps, transitions
+from skill.policy.transitions import HORIZON, Transitions, transitions
 from tests.skill.policy.made_up import PERIOD, RADIUS, transitions_of
 
 
@@ -85,8 +85,3 @@ def test_turning_the_scene_about_the_axis_changes_nothing(angle, seed):
         turned[:, k : k + 2] = turned_rows(rows[:, k:], np.full(2, angle))
     for one, other in zip(answers(rows[:1], rows[1:]), answers(turned[:1], turned[1:]), strict=True):
         np.testing.assert_allclose(one, other, atol=1e-7)
-
-
-def test_a_horizon_is_a_whole_number_of_periods():
-    assert horizon_steps(0.02) == round(HORIZON / 0.02)
-    assert horizon_steps(1.0) == 1

@@ -2,30 +2,23 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_normal
 
-from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.clustering.gaussian_states import GaussianStates
 from skill.states.contact_state_filter import ContactStateFilter
+from tests.skill.clustering.components import random_components
 
 
-def states(M=3, d=4, seed=0):
+def states(M=3, d=4, degrees=np.inf):
     """A classifier with known states, without a fit."""
-    rng = np.random.default_rng(seed)
-    A = rng.normal(size=(M, d, d))
-    covariances = A @ A.transpose(0, 2, 1) + np.eye(d)
-    factors = np.stack([np.linalg.inv(np.linalg.cholesky(F)).T for F in covariances])
-    return CompetitiveAgglomeration.from_arrays(
-        {
-            "weights": rng.dirichlet(np.ones(M)),
-            "means": rng.normal(size=(M, d)) * 3.0,
-            "covariances": covariances,
-            "precision_factors": factors,
-            "design_effect": np.array(1.0),
-        }
-    )
+    found = GaussianStates()
+    found._set_states(random_components(0, M, d, degrees))
+    found.n_features_in_ = d
+    return found
 
 
+@pytest.mark.parametrize("degrees", [np.inf, 4.0])
 @pytest.mark.parametrize("channels", [None, [0, 2]])
-def test_the_probabilities_at_the_first_sample_are_the_posterior(channels):
-    model = states()
+def test_the_probabilities_at_the_first_sample_are_the_posterior(channels, degrees):
+    model = states(degrees=degrees)
     dut = ContactStateFilter(model, np.eye(3), gate=None, channels=channels)
     X = np.random.default_rng(1).normal(size=(20, 4 if channels is None else 2)) * 3.0
     probabilities = np.stack([dut.step(dut.initial_log_belief(), x).probabilities for x in X])

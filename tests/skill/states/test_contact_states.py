@@ -11,7 +11,7 @@ FORCES = np.array([[0.0, 0.0, 0.0], [2.0, -6.0, 0.5], [-1.0, -15.0, -1.0]])
 DRIFT = 4.0  # N, across the second state, more than its noise
 
 
-def recordings(n=6, seed=0, every=1):
+def recordings(n=6, seed=0):
     """Three contacts of different force; the force of the second drifts, and each begins with an impact.
 
     The noise is correlated over ten samples, and each recording has its own offset.
@@ -28,8 +28,8 @@ def recordings(n=6, seed=0, every=1):
         noise = rng.normal(scale=0.4, size=force.shape)
         for t in range(1, len(noise)):
             noise[t] = 0.9 * noise[t - 1] + np.sqrt(1 - 0.81) * noise[t]
-        X.append((force + noise + rng.normal(scale=0.2, size=3))[::every])
-        phases.append(phase[::every])
+        X.append(force + noise + rng.normal(scale=0.2, size=3))
+        phases.append(phase)
         groups.append(np.full(len(X[-1]), k))
     return np.vstack(X), np.concatenate(groups), np.concatenate(phases)
 
@@ -55,21 +55,6 @@ def test_states_are_numbered_in_the_order_of_time(fitted):
     np.testing.assert_array_equal(fitted.labels_, fitted.predict(X, groups))
 
 
-def test_the_number_does_not_depend_on_the_sampling_rate():
-    X, groups, phases = recordings(every=4)
-    dut = ContactStates(random_state=0).fit(X, groups=groups)
-    assert dut.n_clusters_ == 3
-    assert adjusted_rand_score(phases, dut.labels_) > 0.95
-
-
-def test_a_contact_that_lies_elsewhere_in_one_recording_is_no_state():
-    X, groups, phases = recordings()
-    X = X + np.outer((groups == 2) & (phases == 2), [8.0, 8.0, 0.0])
-    dut = ContactStates(random_state=0).fit(X, groups=groups)
-    assert dut.n_clusters_ == 3
-    assert adjusted_rand_score(phases, dut.labels_) > 0.95
-
-
 def test_free_space_amid_light_contacts_is_a_state():
     """Contacts begin at no force, in another direction in each recording: no valley separates them from free space."""
     rng = np.random.default_rng(0)
@@ -85,37 +70,14 @@ def test_free_space_amid_light_contacts_is_a_state():
     assert adjusted_rand_score(np.concatenate(phases), dut.labels_) > 0.7
 
 
-@pytest.mark.parametrize("spike", [-30.0, -500.0, 1e9])
-def test_one_wild_sample_changes_nothing(fitted, spike):
+def test_one_wild_sample_changes_nothing(fitted):
     X, groups, _ = recordings()
-    X[333, 2] = spike
+    X[333, 2] = 1e9
     dut = ContactStates(random_state=0).fit(X, groups=groups)
     assert dut.n_clusters_ == 3
     assert (dut.labels_ == fitted.labels_).mean() > 0.995
-
-
-def test_wild_samples_hide_no_valley(fitted):
-    X, groups, _ = recordings()
-    rng = np.random.default_rng(1)
-    rows = rng.choice(len(X), 10, replace=False)
-    X[rows, rng.integers(3, size=10)] = rng.choice([-1.0, 1.0], 10) * 10.0 ** rng.uniform(1.5, 4.0, 10)
-    dut = ContactStates(random_state=0).fit(X, groups=groups)
-    assert dut.n_clusters_ == 3
-    assert (dut.labels_ == fitted.labels_).mean() > 0.99
-
-
-def test_a_wild_sample_is_told_like_one_at_its_limit(fitted):
-    X, groups, _ = recordings(seed=3)
-    X[100:900:100, 2] = -1e6
-    limited = np.clip(X, *fitted.limits_)
-    np.testing.assert_array_equal(fitted.predict_proba(X, groups), fitted.predict_proba(limited, groups))
-
-
-def test_recordings_of_a_simulator_have_no_noise():
-    _, groups, phases = recordings()
-    dut = ContactStates(random_state=0).fit(FORCES[phases], groups=groups)
-    assert dut.n_clusters_ == 3
-    np.testing.assert_array_equal(dut.labels_, phases)
+    limited = np.clip(X, *dut.limits_)
+    np.testing.assert_array_equal(dut.predict_proba(X, groups), dut.predict_proba(limited, groups))
 
 
 def test_contacts_whose_directions_differ_from_recording_to_recording():
@@ -138,13 +100,6 @@ def test_contacts_whose_directions_differ_from_recording_to_recording():
     assert adjusted_rand_score(np.concatenate(phases), dut.labels_) > 0.95
 
 
-def test_a_contact_of_three_recordings_is_a_state():
-    X, groups, phases = recordings()
-    X = X + np.outer((groups < 3) & (phases == 2), [0.0, -8.0, 0.0])
-    dut = ContactStates(random_state=0).fit(X, groups=groups)
-    assert dut.n_clusters_ == 4
-
-
 def test_a_jam_of_one_recording_is_a_state():
     X, groups, phases = recordings()
     last = np.flatnonzero(groups == 5)[-60:]
@@ -155,29 +110,11 @@ def test_a_jam_of_one_recording_is_a_state():
     assert adjusted_rand_score(phases, dut.labels_) > 0.95
 
 
-def test_units_and_the_order_of_recordings_do_not_matter(fitted):
-    X, groups, _ = recordings()
-    order = np.argsort(-groups, kind="stable")
-    scaled = X[order] * [1e3, 1.0, 1e-2] + 5.0
-    renamed = ContactStates(random_state=0).fit(scaled, groups=np.array(list("fedcba"))[groups[order]])
-    assert renamed.n_clusters_ == 3
-    assert adjusted_rand_score(renamed.labels_, fitted.labels_[order]) > 0.97
-
-
 def test_the_likelihood_of_a_state_is_the_mixture_of_its_components(fitted):
     X = np.clip(recordings(seed=2)[0][::37], *fitted.limits_)
     likelihoods = fitted.state_log_likelihoods(X)
     together = np.log(np.exp(likelihoods) @ np.bincount(fitted.component_states_, fitted.components_.weights_))
     np.testing.assert_allclose(together, fitted.components_.score_samples(X), atol=1e-9)
-
-
-def test_a_causal_probability_knows_no_later_sample(fitted):
-    X, _, phases = recordings(n=1, seed=3)
-    end = int(np.argmax(phases == 1)) + 2  # just after a change, when it is not yet certain
-    whole, half = (fitted.predict_proba(x, causal=True) for x in (X, X[:end]))
-    np.testing.assert_allclose(whole[: len(half)], half, atol=1e-12)
-    assert np.abs(fitted.predict_proba(X)[: len(half)] - fitted.predict_proba(X[:end])).max() > 0.01
-    np.testing.assert_allclose(whole.sum(axis=1), 1.0)
 
 
 @pytest.mark.parametrize(
@@ -213,5 +150,3 @@ def test_bad_input_is_named(fitted):
         ContactStates().fit(X, groups=np.zeros(len(X)))
     with pytest.raises(ValueError, match=r"groups has shape \(3,\), expected \(739,\): the recording of each sample"):
         fitted.predict(X, groups[:3])
-    with pytest.raises(ValueError, match="features"):
-        fitted.predict(X[:, :2])

@@ -115,9 +115,3 @@ def test_no_path_is_more_probable(seed, n, M):
     np.testing.assert_array_equal(found.sum(axis=1), 1.0)
     best = max(probability(path) for path in product(range(M), repeat=n))
     np.testing.assert_allclose(probability(tuple(found.argmax(axis=1))), best)
-
-
-def test_a_short_visit_is_left_out_of_the_most_probable_path():
-    chain = MarkovChain(np.array([0.5, 0.5]), np.array([[0.95, 0.05], [0.05, 0.95]]))
-    log_likelihoods = np.where(np.arange(9)[:, None] == 4, [-4.0, 0.0], [0.0, -4.0])
-    assert most_probable_path(log_likelihoods, chain)[:, 0].tolist() == [1.0] * 9

@@ -24,16 +24,6 @@ def test_unknown_samples_are_ignored():
     assert name_states([0, 0, -1], [1, -1, 2], LABELS, n_states=1).counts.tolist() == [[0, 1, 0]]
 
 
-def test_order_of_the_states_does_not_matter():
-    rng = np.random.default_rng(0)
-    states, labels = rng.integers(0, 5, 300), rng.integers(0, 3, 300)
-    order = rng.permutation(5)
-    names = name_states(states, labels, LABELS, n_states=5)
-    permuted = name_states(order[states], labels, LABELS, n_states=5)
-    assert permuted.purity[order] == pytest.approx(names.purity)
-    assert sorted(permuted.names) == sorted(names.names)
-
-
 def test_share_of_a_clear_label():
     states = np.zeros(10, dtype=int)
     assert name_states(states, [1] * 6 + [0] * 4, LABELS, n_states=1).names == ["tip"]
