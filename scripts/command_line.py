@@ -109,7 +109,9 @@ Host = Annotated[
     str | None,
     typer.Option(help="With --live: address at which the page listens.", show_default="127.0.0.1: this machine"),
 ]
-Port = Annotated[int | None, typer.Option(help="With --live: port of the page.", show_default="a free one")]
+Port = Annotated[
+    int | None, typer.Option(min=1, max=65535, help="With --live: port of the page.", show_default="a free one")
+]
 
 
 def read_scenario(name: str, engine: str | None = None, *, defaults: Scenario | None = None) -> Scenario:

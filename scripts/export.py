@@ -94,12 +94,13 @@ def export_mcap(run: Run, out: Log = None) -> None:
     from skill.data.demonstration import read_demonstration
     from skill.data.files import write_atomically
     from skill.data.rig_run import read_rig_run
+    from skill.data.tables import is_rig_run
 
     log = run.with_suffix(".mcap") if out is None else out
     if log.resolve() == run.resolve():
         raise ValueError(f"{run} is the recording; choose another OUT")
     check_file(log, ".mcap", option="OUT")
-    recording = read_rig_run(run) if is_run(run) else read_demonstration(run)
+    recording = read_rig_run(run) if is_rig_run(run) else read_demonstration(run)
     with busy(f"writing {log.name}"), locked_file(log), named_errors(log, "the recording is unchanged"):
         data, messages = recording_log(recording)
         write_atomically(log, data)
@@ -115,6 +116,7 @@ def find_exported(folder: Path) -> tuple[list[Path], bool]:
     """
     from experiments.outputs.output_set import DEMONSTRATIONS, LIVE, find_recordings, read_index
     from interfaces.terminal import say
+    from skill.data.tables import is_rig_run
 
     if not folder.is_dir():
         raise ValueError(f"{folder}: no such folder; expected one of demonstrations or rig runs")
@@ -125,26 +127,12 @@ def find_exported(folder: Path) -> tuple[list[Path], bool]:
             raise ValueError(f"{folder}: none of its {index.kind.name} is finished; expected at least one")
         return paths, True
     paths = sorted(folder.glob("*.parquet"))
-    if index is None and paths and is_run(paths[0]):
+    if index is None and paths and is_rig_run(paths[0]):
         return paths, True
     paths, note = find_recordings(folder)
     if note:
         say(note)
     return paths, False
-
-
-def is_run(path: Path) -> bool:
-    """Whether a file is a rig run; else it is a demonstration.
-
-    Raises:
-        ValueError: if it is neither.
-    """
-    from skill.data.tables import stored_kind
-
-    kind = stored_kind(path, ("demonstration", "rig_run"))
-    if kind is None:
-        raise ValueError(f"{path}: neither a demonstration nor a rig run (a Parquet file of another kind)")
-    return kind == "rig_run"
 
 
 def episodes(paths: list[Path], are_runs: bool, skill: ManipulationSkill | None) -> Iterator[Recorded]:

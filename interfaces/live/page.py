@@ -29,7 +29,6 @@ PANEL = Path(__file__).with_name("panel")
 SCRIPTS = ("panel.js", "readings.js", "pictures.js", "rumble.js", "guide.js")
 HEAD = '<link rel="icon" href="data:,">'  # without it a browser asks for one, at an address without the token
 PORTS = range(7100, 7200)  # tried one after another if no port is given
-MAX_PORT = 65535
 MAX_HEADERS = 8192  # in units of bytes
 MAX_BODY = 1  # in units of bytes; no request of the page has a body, and 0 means no limit
 MAX_INPUT = 4096  # in units of bytes; the largest event, of a gamepad, has a few hundred. A larger one closes the page
@@ -268,14 +267,11 @@ def open_live_page(*, host: str = LOCAL_HOST, port: int | None = None) -> LivePa
 
     Args:
         host: host name or address at which the page listens. The default lets in this machine only.
-        port: port of the page. None takes the first free one of `PORTS`.
+        port: port of the page, 1 to 65535. None takes the first free one of `PORTS`.
 
     Raises:
-        ValueError: if the port is not a port number.
         OSError: if the port is taken or not allowed, or ``host`` is not a name or an address of this machine.
     """
-    if port is not None and not 1 <= port <= MAX_PORT:
-        raise ValueError(f"port is {port}, expected 1 to {MAX_PORT}")
     for candidate in PORTS if port is None else (port,):
         try:
             return LivePage(host=host, port=candidate)

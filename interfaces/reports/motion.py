@@ -18,7 +18,7 @@ from skill.data.axes import AXES
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import CONTACT_COLUMNS, ContactPlace, RigRun, read_rig_run
-from skill.data.tables import stored_kind
+from skill.data.tables import is_rig_run
 from skill.features.measurement import contact_loads
 from skill.states.state_style import state_colours, state_labels
 
@@ -111,10 +111,7 @@ def read_motion(path: Path, skill: Path | None = None) -> Motion:
     Raises:
         ValueError: if a file is missing or invalid; the message names it.
     """
-    kind = stored_kind(path, ("demonstration", "rig_run"))
-    if kind is None:
-        raise ValueError(f"{path}: neither a demonstration nor a rig run (a Parquet file of another kind)")
-    if kind == "rig_run":
+    if is_rig_run(path):
         return motion_of_run(read_rig_run(path), where=str(path))
     learnt = None
     if skill is not None:

@@ -19,7 +19,6 @@ from scipy.spatial.transform import Rotation
 
 from interfaces.reports.motion import Motion
 from models.assembly import Assembly
-from models.meshes import cutaway_columns
 from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import ContactPlace
@@ -140,29 +139,11 @@ def _set_stage(scene: meshcat.Visualizer) -> None:
 
 
 def _draw_block(node: meshcat.Visualizer, size: PegHoleGeometry) -> None:
+    """Draws the block, cut open to the camera; replay.js draws its edges."""
     assembly = Assembly.of(size)
-    block = assembly.block_mesh(size.facets, block_radius=size.block_radius, floor=size.floor)  # open to the camera
+    block = assembly.block_mesh(size.facets, block_radius=size.block_radius, floor=size.floor)
     material = shapes.MeshPhongMaterial(color=BLOCK_COLOUR, shininess=12, flatShading=True, side=2)
     node["body"].set_object(shapes.TriangularMeshGeometry(block.vertices, block.triangles), material)
-
-    for i, (axis, mates) in enumerate(assembly.axes()):
-        wall = mates[0].hole.polyline(size.facets)
-        around = assembly.sleeve_radius(mates, size.block_radius) * wall / np.hypot(wall[:, 0], wall[:, 1])[:, None]
-        edges = [(around, mates[0].bottom - size.floor), (around, mates[-1].mouth[2])]
-        for mate in reversed(mates):
-            hole, mouth = mate.hole, mate.mouth[2]
-            wall, rim = hole.polyline(size.facets), hole.offset(size.chamfer).polyline(size.facets)
-            edges += [(rim, mouth), (wall, mouth - size.chamfer), (wall, mate.bottom)]
-        chosen = cutaway_columns(wall)
-        for k, (outline, z) in enumerate(edges):
-            _draw_line(node[f"edge{i}_{k}"], _at_height(outline[chosen] + axis, z))
-        first, last = (np.array([(*outline[c] + axis, z) for outline, z in edges]) for c in (chosen[0], chosen[-1]))
-        _draw_line(node[f"section{i}"], np.array([*first, *last[::-1], first[0]]))
-
-
-def _at_height(outline: Array, z: float) -> Array:
-    """Returns points (n, 3) with the coordinates (n, 2) and a height, m."""
-    return np.column_stack([outline, np.full(len(outline), z)])
 
 
 def _draw_peg(node: meshcat.Visualizer, motion: Motion) -> None:
@@ -175,7 +156,9 @@ def _draw_peg(node: meshcat.Visualizer, motion: Motion) -> None:
     for i, mate in enumerate(assembly.fits):
         mark = mate.peg.scaled(1.0005).polyline(FACETS) + mate.tip[:2]
         for k, z in enumerate(np.arange(mate.tip[2], mate.top, MARK_SPACING)):
-            _draw_line(node[f"mark{i}_{k}"], _at_height(np.vstack([mark, mark[:1]]), float(z)))
+            ring = np.column_stack([np.vstack([mark, mark[:1]]), np.full(len(mark) + 1, z)])
+            geometry = shapes.PointsGeometry(ring.astype(np.float32).T)
+            node[f"mark{i}_{k}"].set_object(shapes.Line(geometry, shapes.LineBasicMaterial(color=EDGE_COLOUR)))
 
 
 def _draw_arrow(node: meshcat.Visualizer, colour: int, *, heads: int) -> None:
@@ -205,11 +188,6 @@ def _upright_cylinder(*, centre: float) -> Array:
     matrix = _transform([0.0, 0.0, centre])
     matrix[:3, :3] = Rotation.from_rotvec([np.pi / 2, 0.0, 0.0]).as_matrix()
     return matrix
-
-
-def _draw_line(node: meshcat.Visualizer, points: Array) -> None:
-    geometry = shapes.PointsGeometry(np.asarray(points, dtype=np.float32).T)
-    node.set_object(shapes.Line(geometry, shapes.LineBasicMaterial(color=EDGE_COLOUR)))
 
 
 # ---------------------------------------------------------------------- animation

@@ -157,15 +157,17 @@ def read_table(
     return table, _header(file.metadata.metadata or {}, path, kind=kind, version=version, entries=entries)
 
 
-def stored_kind(path: Path, kinds: Sequence[str]) -> str | None:
-    """Returns which of these kinds of file this is, or None if it is none of them.
+def is_rig_run(path: Path) -> bool:
+    """Whether a file is a rig run; else it is a demonstration.
 
     Raises:
-        ValueError: if the file is missing, truncated, changed or too large. The message names the file.
+        ValueError: if it is neither, missing, truncated, changed or too large. The message names the file.
     """
     with named_parquet_errors(path, "file"):
         metadata = _open(path, sealed=False).metadata.metadata or {}
-    return next((kind for kind in kinds if kind.encode() in metadata), None)
+    if not {b"demonstration", b"rig_run"} & metadata.keys():
+        raise ValueError(f"{path}: neither a demonstration nor a rig run (a Parquet file of another kind)")
+    return b"rig_run" in metadata
 
 
 def _open(path: Path, *, sealed: bool = True) -> pq.ParquetFile:

@@ -1,21 +1,21 @@
-// Counts the pictures of the scene, and draws them coarser where they take too long, as without a graphics card.
+// Draws the pictures of the scene coarser where they take too long, as without a graphics card.
 (function () {
   const SAMPLES = 15;  // pictures whose median time is looked at
   const SLOW = 26, TARGET = 21;  // ms from a picture to the next frame of the browser
   const COARSEST = 0.4;  // of the screen's resolution
   const PAUSE = 250;  // ms; a longer gap is no slow picture, but a hidden page
-  let drawn = 0, seen = 0, last = null, share = 1, times = [];
+  let isDrawn = false, last = null, share = 1, times = [];
 
   const render = viewer.render;
   viewer.render = function () {
     render.call(viewer);
-    drawn += 1;
+    isDrawn = true;
   };
 
   function watch(now) {
     if (last !== null && now - last < PAUSE) times.push(now - last);
-    last = drawn > seen ? now : null;
-    seen = drawn;
+    last = isDrawn ? now : null;
+    isDrawn = false;
     if (times.length >= SAMPLES) {
       const time = times.sort((a, b) => a - b)[SAMPLES >> 1];  // a single delay does not count
       times = [];
@@ -29,10 +29,4 @@
     requestAnimationFrame(watch);
   }
   requestAnimationFrame(watch);
-
-  let before = 0;
-  setInterval(() => {
-    livePanel.byId("pictures").textContent = drawn - before || "–";
-    before = drawn;
-  }, 1000);
 })();

@@ -56,7 +56,7 @@ FLAWS = """
     if (part.parentElement.id !== "messages" && over(box(part), peg)) found.push(part.id + " over the peg");
 
   const readings = ["force", "moment", "depth", "gauge-text", "contact-load", "contact-peak", "contact-limit",
-    "contact-note", "dial", "skill-state", "skill-feed", "skill-rate", "rate", "pictures", "kept", "status",
+    "contact-note", "dial", "skill-state", "skill-feed", "skill-rate", "rate", "kept", "status",
     "guide-show", "guide-text", "guide-skip"];
   for (const id of readings) {
     const element = document.getElementById(id), panel = element.closest(".panel");

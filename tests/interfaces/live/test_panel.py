@@ -210,7 +210,6 @@ def test_without_a_graphics_card_pictures_are_coarser(panel):
       window.rest = () => { clearInterval(moving); viewer.render = render; };
     """)
     panel.page.wait("viewer.renderer.getPixelRatio() < 0.9", timeout=40.0)
-    assert 0 < int(panel.text("pictures")) < 30
     ratio, width = panel.page.run("rest(); return [viewer.renderer.getPixelRatio(), viewer.renderer.domElement.width]")
     assert width == pytest.approx(1280 * ratio, abs=1.0)
 

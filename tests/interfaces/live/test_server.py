@@ -258,12 +258,6 @@ def test_error_names_the_port_that_is_taken(client):
     assert RawClient(other.address).port != client.port
 
 
-@pytest.mark.parametrize("port", [0, 65536])
-def test_a_number_that_is_no_port_is_refused(port):
-    with pytest.raises(ValueError, match=f"^port is {port}, expected 1 to 65535$"):
-        open_live_page(port=port)
-
-
 @pytest.mark.parametrize(
     ("host", "reason"), [("192.0.2.1", "Cannot assign requested address"), ("no-such-host.invalid", "")]
 )

@@ -45,6 +45,10 @@ def test_page_of_a_rig_run_shows_the_scene_and_the_sample_at_a_time_and_plays_to
                 "return [o.position.z, '#' + c.getHexString().toUpperCase()]"
             )
             assert peg == [pytest.approx(np.interp(time, samples["time"], samples["tip_z"])), motion.colours[state]]
+        corners = "edges.computeBoundingBox(); return [edges.attributes.position.count, edges.boundingBox.min.z]"
+        count, bottom = browser.run(corners)
+        assert count > 200  # ends of lines: arcs of 32 facets at the rim, the chamfer, the floor and outside
+        assert bottom == pytest.approx(-35.0)  # mm
         content = blankness(browser.screenshot())
         assert content.colours > 60
         assert content.drawn > 0.1

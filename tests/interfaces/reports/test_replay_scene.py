@@ -125,25 +125,6 @@ def test_camera_is_above_the_open_side_of_the_block_and_looks_at_the_mouth():
 # ------------------------------------------------------------------------ shapes
 
 
-def test_edges_of_the_block_are_arcs_of_the_kept_facets():
-    """Of eight facets, those from 135 to 315 degrees are kept."""
-    scene = decoded()
-    s = np.sqrt(0.5)
-    arc = np.array([[-s, s], [-1, 0], [-s, -s], [0, -1], [s, -s]])
-    rings = [(30, -35), (30, 0), (12, 0), (11, -1), (11, -25)]  # radius and height, mm
-    for k, (radius, z) in enumerate(rings):
-        expected = in_mm(np.column_stack([radius * arc, np.full(5, z)]))
-        np.testing.assert_allclose(scene.points(f"hole/edge0_{k}"), expected, atol=1e-8)
-
-
-def test_section_of_the_block_is_outlined_in_the_plane_of_the_cut():
-    across = [-30, -30, -12, -11, -11, 11, 11, 12, 30, 30, -30]  # mm, along the direction of 315 degrees
-    height = [-35, 0, 0, -1, -25, -25, -1, 0, 0, -35, -35]
-    s = np.sqrt(0.5)
-    expected = in_mm([s * r, -s * r, z] for r, z in zip(across, height, strict=True))
-    np.testing.assert_allclose(decoded().points("hole/section0"), expected, atol=1e-8)
-
-
 def test_block_is_cut_open_towards_the_camera():
     points = decoded().points("hole/body")
     assert np.linalg.norm(points[:, :2], axis=1).max() == pytest.approx(0.030)
