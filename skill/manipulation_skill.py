@@ -29,7 +29,7 @@ from skill.policy.transitions import Transitions, transitions
 from skill.regression.feature_scale_selection import tuned_regressor
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.regression.protocols import Regressor
-from skill.skill_file import POLICIES, SKILL_PARAMETERS, SkillContents, read_skill_file, write_skill_file
+from skill.skill_file import POLICIES, read_skill_file, write_skill_file
 from skill.states.contact_state_filter import ContactStateFilter
 from skill.states.estimate import Estimate, StateEstimator
 from skill.states.state_graph import StateGraph
@@ -342,23 +342,7 @@ class ManipulationSkill:
         Raises:
             TypeError: if a part is not of a type that can be stored.
         """
-        contents = SkillContents(
-            parameters={name: getattr(self, name) for name in SKILL_PARAMETERS},
-            parts={
-                "features": self.features_,
-                "state_features": self.state_features_,
-                "states": self.states_,
-                "regressor": self.regressor_,
-                "graph": self.graph_,
-                "planning": self.planning_,
-            },
-            sources=self.sources_,
-            period=self.period_,
-            metadata=self.metadata_,
-            names=self.names_,
-            min_log_support=self.min_log_support_,
-        )
-        write_skill_file(path, contents)
+        write_skill_file(path, self)
 
     @classmethod
     def load(cls, path: Path) -> Self:
@@ -367,13 +351,9 @@ class ManipulationSkill:
         Raises:
             ValueError: if the file is missing, damaged, not a skill file, or of another version.
         """
-        contents = read_skill_file(path)
-        skill = cls(**contents.parameters)
-        for name, part in contents.parts.items():
-            setattr(skill, f"{name}_", part)
-        skill.sources_, skill.period_ = contents.sources, contents.period
-        skill.metadata_, skill.names_ = contents.metadata, contents.names
-        skill.min_log_support_ = contents.min_log_support
+        parameters, attributes = read_skill_file(Path(path))
+        skill = cls(**parameters)
+        vars(skill).update(attributes)
         return skill
 
 

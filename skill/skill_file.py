@@ -11,7 +11,6 @@ import json
 import math
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -108,9 +107,6 @@ def _are_texts(value: Any) -> bool:
     return isinstance(value, list) and all(isinstance(name, str) for name in value)
 
 
-SKILL_PARAMETERS = tuple(PARAMETERS)
-"""The constructor parameters of a `ManipulationSkill` that are stored."""
-
 SOURCES = {"sources": ArrayRule(("n", 2))}
 
 
@@ -143,50 +139,27 @@ OPTIONAL_PARTS: dict[str, type[ArrayPart]] = {"planning": PlanningModel}
 """The parts that may be None, and are then not stored; otherwise as ``ARRAY_PARTS``."""
 
 
-@dataclass(frozen=True)
-class SkillContents:
-    """The contents of a skill file.
-
-    Attributes:
-        parameters: values of the ``SKILL_PARAMETERS``.
-        parts: the fitted parts, by the names in ``FEATURE_PARTS`` and ``ARRAY_PARTS``.
-        sources: (n, 2), demonstration number and time (s) of each sample of the regressor.
-        period: sample period, s.
-        metadata: numbers of demonstrations, and their geometry.
-        names: names of the states, or None.
-        min_log_support: see `ManipulationSkill`.
-    """
-
-    parameters: dict[str, Any]
-    parts: dict[str, Any]
-    sources: Array
-    period: float
-    metadata: dict[str, Any]
-    names: list[str] | None
-    min_log_support: float
-
-
-def write_skill_file(path: Path, contents: SkillContents) -> None:
-    """Writes a skill file atomically, with a digest in the comment of the archive.
+def write_skill_file(path: Path, skill: Any) -> None:
+    """Writes a fitted `ManipulationSkill` atomically, with a digest in the comment of the archive.
 
     Raises:
         TypeError: if a part is not of a type that can be stored.
     """
-    _check_types(contents.parts)
-    header: dict[str, Any] = {"skill_version": SKILL_VERSION, "parameters": contents.parameters}
-    for name in FEATURE_PARTS:
-        part = contents.parts[name]
-        header[name] = [type(part).__name__, part.get_params()]
+    parts = {name: getattr(skill, f"{name}_") for name in (*FEATURE_PARTS, *ARRAY_PARTS, *OPTIONAL_PARTS)}
+    _check_types(parts)
+    parameters = {name: getattr(skill, name) for name in PARAMETERS}
+    header: dict[str, Any] = {"skill_version": SKILL_VERSION, "parameters": parameters}
+    header |= {name: [type(parts[name]).__name__, parts[name].get_params()] for name in FEATURE_PARTS}
     header |= {
-        "period": contents.period,
-        "metadata": contents.metadata,
-        "names": contents.names,
-        "least_log_support": contents.min_log_support,
+        "period": skill.period_,
+        "metadata": skill.metadata_,
+        "names": skill.names_,
+        "least_log_support": skill.min_log_support_,
     }
-    arrays: dict[str, Any] = {"sources": contents.sources}
-    stored = (*ARRAY_PARTS, *(name for name in OPTIONAL_PARTS if contents.parts[name] is not None))
-    for name in stored:
-        arrays.update({f"{name}/{key}": array for key, array in contents.parts[name].to_arrays().items()})
+    arrays: dict[str, Any] = {"sources": skill.sources_}
+    for name in (*ARRAY_PARTS, *OPTIONAL_PARTS):
+        if parts[name] is not None:
+            arrays.update({f"{name}/{key}": array for key, array in parts[name].to_arrays().items()})
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)
@@ -195,14 +168,14 @@ def write_skill_file(path: Path, contents: SkillContents) -> None:
     write_atomically(path, seal(stream.getvalue()))
 
 
-def read_skill_file(path: Path) -> SkillContents:
-    """Reads a skill file; everything in it is checked before anything is built.
+def read_skill_file(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Reads the parameters and the fitted attributes of a `ManipulationSkill`; everything is checked first.
 
     Raises:
         ValueError: if the file is missing, damaged, changed, too large, not a skill file, or of another version. The
             message names the file and what is wrong in it.
     """
-    header, arrays = _read_archive(Path(path))
+    header, arrays = _read_archive(path)
     version = header.get("skill_version")
     if type(version) is not int or version != SKILL_VERSION:
         raise ValueError(f"{path}: skill file version {version}, expected {SKILL_VERSION}; train the skill again")
@@ -212,7 +185,7 @@ def read_skill_file(path: Path) -> SkillContents:
         raise ValueError(f"{path}: not a complete skill file ({one_line(error)})") from error
 
 
-def _contents(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> SkillContents:
+def _contents(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> tuple[dict[str, Any], dict[str, Any]]:
     _check_header(header)
     part_types = ARRAY_PARTS | OPTIONAL_PARTS
     arrays_of: dict[str, dict[str, NDArray[Any]]] = {name: {} for name in part_types}
@@ -234,15 +207,14 @@ def _contents(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> 
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from error
     _check_parts(parts, sources["sources"], header)
-    return SkillContents(
-        parameters=header["parameters"],
-        parts=parts,
-        sources=sources["sources"],
-        period=header["period"],
-        metadata=header["metadata"],
-        names=header["names"],
-        min_log_support=float(header["least_log_support"]),
-    )
+    return header["parameters"], {
+        **{f"{name}_": part for name, part in parts.items()},
+        "sources_": sources["sources"],
+        "period_": header["period"],
+        "metadata_": header["metadata"],
+        "names_": header["names"],
+        "min_log_support_": float(header["least_log_support"]),
+    }
 
 
 def _read_archive(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
@@ -278,8 +250,8 @@ def _check_types(parts: Mapping[str, Any]) -> None:
 
 def _check_header(header: Mapping[str, Any]) -> None:
     """Checks the header of a skill file; a ValueError names the entry, what was found and what was expected."""
-    _check_entries(header, ENTRIES, "entries of the header", complete=True)
-    _check_entries(header["parameters"], PARAMETERS, "parameters", complete=False)
+    _check_entries(header, ENTRIES, "entries of the header")
+    _check_entries(header["parameters"], PARAMETERS, "parameters")
     PegHoleGeometry.find(header["metadata"], "header")
     for name in ("demonstrations", "good", "practice_trials"):
         count = header["metadata"].get(name, 1)
@@ -348,17 +320,11 @@ def _check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, 
         raise ValueError(f"header: {len(names)} names, expected one for each of {K} states")
 
 
-def _check_entries(
-    found: Mapping[str, Any], expected: Mapping[str, tuple[Check, str]], what: str, *, complete: bool
-) -> None:
-    unknown = sorted(set(found) - set(expected))
-    if unknown:
-        raise ValueError(f"unknown {what} {unknown}; expected {'' if complete else 'some of '}{list(expected)}")
-    missing = [name for name in expected if name not in found]
-    if missing and complete:
-        raise ValueError(f"missing {what} {missing}")
-    for name, value in found.items():
-        fits, wanted = expected[name]
-        if not fits(value):
-            text = repr(value)
+def _check_entries(found: Mapping[str, Any], expected: Mapping[str, tuple[Check, str]], what: str) -> None:
+    odd = sorted(set(found) ^ set(expected))
+    if odd:
+        raise ValueError(f"{what} {odd} missing or unknown; expected exactly {list(expected)}")
+    for name, (fits, wanted) in expected.items():
+        if not fits(found[name]):
+            text = repr(found[name])
             raise ValueError(f"'{name}' is {text if len(text) < 60 else f'{text[:60]}...'}, expected {wanted}")

@@ -58,7 +58,7 @@ from skill.data.rig_run import read_rig_run, write_rig_run
 from skill.manipulation_skill import ManipulationSkill
 from skill.recordings.reading import read_recordings
 from skill.regression.locally_weighted_regression import LWRegressor
-from skill.skill_file import ARRAY_PARTS, FEATURE_PARTS, SKILL_PARAMETERS
+from skill.skill_file import ARRAY_PARTS, FEATURE_PARTS, PARAMETERS
 from tests.checkout import ROOT
 from tests.crafted_files import sealed_archive, sealed_arrays, sealed_parquet
 from tests.skill.recordings.wrench_messages import cdr, write_db3, write_mcap
@@ -228,7 +228,7 @@ def load(kind: str, path: Path) -> tuple[bytes, bool]:
 def load_skill(path: Path) -> tuple[bytes, bool]:
     """Loads a skill; it is sound if it acts by finite numbers."""
     skill = ManipulationSkill.load(path)
-    header = [{name: getattr(skill, name) for name in SKILL_PARAMETERS}, skill.period_, skill.metadata_, skill.names_]
+    header = [{name: getattr(skill, name) for name in PARAMETERS}, skill.period_, skill.metadata_, skill.names_]
     header += [[type(part).__name__, part.get_params()] for part in (getattr(skill, f"{n}_") for n in FEATURE_PARTS)]
     content = json.dumps([*header, skill.min_log_support_]).encode() + skill.sources_.tobytes()
     for part in ARRAY_PARTS:

@@ -240,7 +240,10 @@ DAMAGES = {
     "support of 1e300": (with_header(lambda h: h.update(least_log_support=1e300)), "'least_log_support' is 1e+300"),
     "rough of 1e300": (with_header(lambda h: h["parameters"].update(rough=1e300)), "'rough' is 1e+300, expected a pos"),
     "peg of 1e300": (part_parameters(peg_radius=1e300), "state_features: 'peg_radius' is 1e+300, expected a positive"),
-    "unknown parameter": (with_header(lambda h: h["parameters"].update(courage=3)), "unknown parameters ['courage']"),
+    "unknown parameter": (
+        with_header(lambda h: h["parameters"].update(courage=3)),
+        "parameters ['courage'] missing or unknown",
+    ),
     "unknown features": (
         with_header(lambda h: h.update(features=["LWRegressor", {}])),
         "(features: class 'LWRegressor', expected one of ['CanonicalFeatures',",
@@ -250,8 +253,11 @@ DAMAGES = {
     "period 0": (with_header(lambda h: h.update(period=0)), "'period' is 0, expected a positive time"),
     "period text": (with_header(lambda h: h.update(period="0.02")), "'period' is '0.02', expected a positive time"),
     "period in ms": (with_header(lambda h: h.update(period=20)), "'period' is 20, expected a positive time"),
-    "no period": (with_header(lambda h: h.pop("period") and None), "missing entries of the header ['period']"),
-    "entry": (with_header(lambda h: h.update(mood=3)), "unknown entries of the header ['mood']"),
+    "no period": (
+        with_header(lambda h: h.pop("period") and None),
+        "entries of the header ['period'] missing or unknown",
+    ),
+    "entry": (with_header(lambda h: h.update(mood=3)), "entries of the header ['mood'] missing or unknown"),
     "version": (with_header(lambda h: h.update(skill_version=[5])), "skill file version [5], expected"),
     "metadata": (with_header(lambda h: h.update(metadata=None)), "'metadata' is None, expected an object"),
     "no good one": (with_header(lambda h: h["metadata"].update(good=0)), "'good' is 0, expected a positive integer"),
