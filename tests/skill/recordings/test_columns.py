@@ -161,12 +161,6 @@ def test_the_unit_beside_a_name_is_as_if_it_were_in_it():
             sizes(FORCE, ["s", unit, "N", "N"])
 
 
-def test_the_unit_of_the_user_goes_before_that_of_the_name():
-    assert chosen(["time", "a_mn", "fy", "fz"], "fx=a_mn")["fx"] == ("a_mn", 1e-3)
-    assert chosen(["time", "a_mn", "fy", "fz"], "fx=a_mn:N")["fx"] == ("a_mn", 1)
-    assert chosen(["time", "a [raw]", "fy", "fz"], "fx=a [raw]:N")["fx"] == ("a [raw]", 1)
-
-
 def test_a_single_axis_is_enough_if_the_user_names_it():
     assert chosen(["time", "fz"], "fz=fz") == {"time": ("time", 1), "fz": ("fz", 1)}
     assert set(chosen(["time", "angle"], "angle=angle:deg")) == {"time", "angle"}

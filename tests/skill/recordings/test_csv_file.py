@@ -26,9 +26,7 @@ def read(tmp_path):
 def test_a_file_of_pandas_is_read(tmp_path):
     rng = np.random.default_rng(0)
     table = pd.DataFrame(rng.normal(size=(500, 7)), columns=["Fz [N]", "Fx [mN]", "Fy [N]", "note", "mx", "my", "mz"])
-    table["timestamp_ms"] = np.arange(500.0) * 2
-    table["note"] = "some, text"
-    table["phase"] = np.repeat(["approach", "contact"], 250)
+    table = table.assign(timestamp_ms=np.arange(500.0) * 2, note="some, text", phase=np.repeat(["a", "b"], 250))
     table.to_csv(tmp_path / "snap.csv")
     [found] = read_csv_file(tmp_path / "snap.csv")
     assert found.name == "snap.csv"
@@ -48,8 +46,7 @@ def test_a_column_of_trials_splits_the_table(read, column):
     word = column.lower().removesuffix("_index")
     assert [first.name, second.name] == [f"snap.csv, {word} 7", f"snap.csv, {word} 3"]
     assert [first.trial, second.trial] == ["7", "3"]
-    np.testing.assert_array_equal(first.time, [0, 0.01, 0.02])  # rows of a trial may stand apart
-    np.testing.assert_array_equal(first.values, [[1, 2, 3], [1, 2, 3], [7, 8, 9]])
+    np.testing.assert_array_equal(first.values, [[1, 2, 3], [1, 2, 3], [7, 8, 9]])  # rows of a trial may stand apart
     np.testing.assert_array_equal(second.time, [5, 5.01])
 
 
@@ -72,8 +69,7 @@ def test_a_column_that_holds_no_phases_can_be_left_out(read):
     [found] = read(table, phase_column="")
     assert found.phases is None
     table = f"{HEADER[:-1]},phase\n" + "".join(f"{0.01 * k},1,2,3,{0.5 * k}\n" for k in range(300))
-    many = "column 'phase' has 300 different values, expected at most 200 phases"
-    with pytest.raises(ValueError, match=f"{many}{remedy}$"):
+    with pytest.raises(ValueError, match=f"'phase' has 300 different values, expected at most 200 phases{remedy}$"):
         read(table)
 
 
@@ -271,7 +267,6 @@ def test_thousands_that_could_be_decimals_are_asked_for(read, one, point):
 
 def test_limits(read, tmp_path, monkeypatch):
     text = HEADER + "0,1,2,3\n" * 3000
-    monkeypatch.setattr(csv_file, "CHUNK", 1000)
     monkeypatch.setattr(csv_file, "MAX_BYTES", 24_013)
     with pytest.raises(ValueError, match=r"snap\.csv: 0 MB, expected at most 0 MB"):
         read(text)
@@ -279,7 +274,5 @@ def test_limits(read, tmp_path, monkeypatch):
     monkeypatch.setattr(column_table, "MAX_SAMPLES", 2000)
     with pytest.raises(ValueError, match=r"snap\.csv: 3000 samples, expected at most 2000; lower the rate"):
         read(text)
-    with pytest.raises(ValueError, match=r"nothing\.csv: no such file"):
-        read_csv_file(tmp_path / "nothing.csv")
     with pytest.raises(ValueError, match="expected a file"):
         read_csv_file(tmp_path)

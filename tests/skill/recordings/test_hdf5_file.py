@@ -89,10 +89,9 @@ def _replace(file, name, values):
 
 
 def test_without_actions_there_are_no_recordings(tmp_path):
-    with pytest.raises(ValueError, match=r"a\.h5: no samples"):
-        read_recordings(write(tmp_path / "a.h5", {}))
-    with pytest.raises(ValueError, match=r"a\.h5: no samples"):  # none has a sample
-        read_recordings(write(tmp_path / "a.h5", {"0": (5.0, 6.0, "Pick peg 4.", [])}))
+    for actions in ({}, {"0": (5.0, 6.0, "Pick peg 4.", [])}):  # the second has no sample
+        with pytest.raises(ValueError, match=r"a\.h5: no samples"):
+            read_recordings(write(tmp_path / "a.h5", actions))
 
 
 @pytest.mark.parametrize("size", [0, 7, 4000])

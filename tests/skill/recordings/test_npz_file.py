@@ -5,18 +5,13 @@ import re
 import numpy as np
 import pytest
 
-from skill.recordings import column_table, npz_file
+from skill.recordings import npz_file
 from skill.recordings.column_table import ColumnChoice
 from skill.recordings.npz_file import read_npz_file
 
 TIME = np.tile(np.arange(5) / 50, 2)
 WRENCH = np.arange(60.0).reshape(10, 6)
 TRIAL = np.repeat([4, 9], 5)
-
-
-def saved(path, **arrays):
-    np.savez(path, **arrays)
-    return path
 
 
 def test_wrench_trials_and_phases_are_read(tmp_path):
@@ -32,7 +27,8 @@ def test_wrench_trials_and_phases_are_read(tmp_path):
 
 
 def test_columns_of_their_own_and_of_other_types_are_read(tmp_path):
-    path = saved(tmp_path / "a.npz", t_ms=np.arange(10) * 2, wrench=WRENCH[:, :3].astype("f4"), depth_mm=np.arange(10))
+    path = tmp_path / "a.npz"
+    np.savez(path, t_ms=np.arange(10) * 2, wrench=WRENCH[:, :3].astype("f4"), depth_mm=np.arange(10))
     [found] = read_npz_file(path)
     assert found.channels == ("fx", "fy", "fz", "depth")
     np.testing.assert_allclose(found.values[:, 3], np.arange(10) * 1e-3)
@@ -60,7 +56,8 @@ REFUSED = {
 @pytest.mark.parametrize("name", REFUSED)
 def test_wrong_arrays_are_refused(tmp_path, name):
     arrays, message = REFUSED[name]
-    path = saved(tmp_path / "a.npz", **arrays)
+    path = tmp_path / "a.npz"
+    np.savez(path, **arrays)
     with pytest.raises(ValueError, match=re.escape(f"{path}: ") + ".*" + re.escape(message)):
         read_npz_file(path)
 
@@ -68,18 +65,9 @@ def test_wrong_arrays_are_refused(tmp_path, name):
 def test_limits(tmp_path, monkeypatch):
     path = tmp_path / "a.npz"
     np.savez_compressed(path, time=np.arange(10_000) / 50, wrench=np.zeros((10_000, 6)))
-    monkeypatch.setattr(column_table, "MAX_SAMPLES", 9999)
-    with pytest.raises(ValueError, match=r"a\.npz: 10000 samples, expected at most 9999"):
-        read_npz_file(path)
     monkeypatch.setattr(npz_file, "MAX_BYTES", 500_000)
     with pytest.raises(ValueError, match="1 MB of arrays, expected at most 0 MB"):
         read_npz_file(path)
     monkeypatch.setattr(npz_file, "MAX_BYTES", 5000)
     with pytest.raises(ValueError, match="0 MB, expected at most 0 MB"):
         read_npz_file(path)
-    with pytest.raises(ValueError, match=r"b\.npz: no such file"):
-        read_npz_file(tmp_path / "b.npz")
-    truncated = tmp_path / "c.npz"
-    truncated.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(ValueError, match=r"c\.npz: not a NumPy archive"):
-        read_npz_file(truncated)

@@ -52,27 +52,10 @@ def test_each_sample_is_the_mean_of_its_interval():
     assert found.phases.tolist() == [0, 2, 9]  # 2 is more frequent; 8 and 9 are equally so, and 9 is first
 
 
-@pytest.mark.parametrize("jitter", [0, 1.1e-3])
-@pytest.mark.parametrize("start", [0, 1.7e9])
-def test_jitter_of_the_stamps_moves_no_sample_to_another_interval(jitter, start):
-    rng = np.random.default_rng(0)
-    time = start + np.arange(400) / 200 + rng.uniform(-jitter, jitter, 400)
-    found = recording(time, np.arange(400.0)[:, None]).averaged(50)
-    np.testing.assert_allclose(np.diff(found.values[:, 0]), 4)
-
-
 def test_a_slower_recording_is_returned_as_it_is():
     found = recording(np.arange(10) / 50.3)
     assert found.averaged(50) is found
     assert found.averaged(49) is not found
-
-
-def test_a_gap_stays_a_gap():
-    time = np.concatenate([np.arange(100), np.arange(5000, 5100)]) / 1000
-    found = recording(time, (time > 2.0).astype(float)[:, None]).averaged(50)
-    assert set(found.values[:, 0]) == {0, 1}
-    assert np.diff(found.time).max() == pytest.approx(4.9, abs=0.021)
-    assert len(found.time) in (10, 11)
 
 
 steps = st.lists(st.floats(1e-4, 0.3), min_size=2, max_size=60)

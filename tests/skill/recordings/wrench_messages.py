@@ -1,4 +1,4 @@
-"""Messages of the type WrenchStamped, written byte by byte, files of them, and what is read of damaged files."""
+"""Messages of the type WrenchStamped, written byte by byte, and files of them."""
 
 import sqlite3
 import struct
@@ -10,12 +10,11 @@ START = 1_700_000_000  # s
 WRENCH = (1.0, -2.5, 3.0, 0.25, 5e-3, -6.0)
 
 
-def cdr(sec=12, nanosec=500_000_000, frame="ft_link", wrench=WRENCH, order="<"):
+def cdr(sec=12, nanosec=500_000_000, frame="ft_link", wrench=WRENCH):
     """A message of ROS 2: each number is aligned to its size, counted after the first four bytes."""
     name = frame.encode() + b"\0"
-    body = struct.pack(f"{order}iII", sec, nanosec, len(name)) + name
-    body += bytes(-len(body) % 8) + struct.pack(f"{order}6d", *wrench)
-    return (b"\0\1\0\0" if order == "<" else b"\0\0\0\0") + body
+    body = struct.pack("<iII", sec, nanosec, len(name)) + name
+    return b"\0\1\0\0" + body + bytes(-len(body) % 8) + struct.pack("<6d", *wrench)
 
 
 def ros1(sec=12, nanosec=500_000_000, frame="ft_link", wrench=WRENCH):
@@ -46,20 +45,6 @@ def check_series(found, count=50, offset=0.0):
     assert found.phases is None
     np.testing.assert_array_equal(found.values, np.arange(count)[:, None] + np.arange(6.0))
     np.testing.assert_allclose(found.time, START + offset + np.arange(count) / 100, rtol=0, atol=1e-6)
-
-
-def read_with_changed_bytes(path, read, number=300):
-    """Reads a file as often, each time with a bit changed; returns the recordings and the texts of the refusals."""
-    data = path.read_bytes()
-    rng = np.random.default_rng(0)
-    found, refusals = [], []
-    for place in rng.integers(0, len(data), number):
-        path.write_bytes(data[:place] + bytes([data[place] ^ (1 << int(rng.integers(8)))]) + data[place + 1 :])
-        try:
-            found += read(path)
-        except ValueError as error:
-            refusals.append(str(error))
-    return found, refusals
 
 
 def write_mcap(path, messages, *, encoding="cdr", schema="geometry_msgs/msg/WrenchStamped", finish=True, **options):
