@@ -46,6 +46,14 @@ MARKS = {
 """Byte order marks and what they stand for; without one, a text is UTF-8."""
 
 
+class _NoNumberError(ValueError):
+    """A text in a column of numbers is none with a decimal sign: its line, itself, its column and the sign."""
+
+    def __init__(self, line: int, text: str, name: str, sign: str) -> None:
+        super().__init__(line, text, name, sign)
+        self.line, self.text, self.name, self.sign = line, text, name, sign
+
+
 def read_csv_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Recording]:
     """Reads the recordings of a text.
 
@@ -55,18 +63,28 @@ def read_csv_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Recordin
     or points are decimal signs follows from all numbers of the file. An error names the file and the line.
     """
     where = str(path)
+    found: list[tuple[pd.DataFrame, Sequence[int]]] = []
+    failures: list[_NoNumberError] = []
     try:
         encoding = _check_text(path)
         with path.open(encoding=encoding, newline="") as stream:
             layout = find_layout(list(islice(stream, MAX_HEAD)), where, choice)
-        with path.open(encoding=encoding, newline="") as stream:
-            table, lines = _Rows(layout, where, choice.decimal).read(stream)
+        for sign in DECIMALS if choice.decimal is None else choice.decimal:
+            with path.open(encoding=encoding, newline="") as stream:
+                try:
+                    found.append(_table(stream, layout, where, sign))
+                except _NoNumberError as failure:
+                    failures.append(failure)
     except FileNotFoundError:
         raise ValueError(f"{path}: no such file") from None
     except (OSError, UnicodeError) as error:
         raise ValueError(f"{path}: not a text in UTF-8 ({one_line(error)}); convert it to UTF-8") from error
     except csv.Error as error:
         raise ValueError(f"{path}: damaged text ({one_line(error)})") from error
+    if not found:
+        raise ValueError(f"{path}: {_failure(failures)}")
+    table, lines = found[0]
+    _check_same(table, found[-1][0], layout, lines, where)
     if choice.sampling_rate is not None:
         trial = layout.selection.trial
         count = np.arange(len(table)) if trial is None else table.groupby(trial, dropna=False).cumcount().to_numpy()
@@ -89,101 +107,83 @@ def _check_text(path: Path) -> str:
     return encoding
 
 
-class _Rows:
-    """The rows of a text, converted piece by piece, with each decimal sign as long as all numbers fit it."""
+def _table(stream: TextIO, layout: Layout, where: str, sign: str) -> tuple[pd.DataFrame, Sequence[int]]:
+    """The table of the columns that are read, with a decimal sign, and the line in which each row begins."""
+    columns: list[list[Array]] = [[] for _ in layout.numbers]
+    labels: list[list[str | float]] = [[] for _ in layout.labels]
+    known: dict[str, str | float] = dict.fromkeys(NO_LABELS, np.nan)
+    lines = array("q")
+    rows = _rows(stream, layout, where)
+    while chunk := list(islice(rows, CHUNK)):
+        check_length(len(lines) + len(chunk), where)
+        texts = {name: [row[k] for _, row in chunk] for name, k in layout.numbers.items()}
+        converted = [numbers(column, sign) for column in texts.values()]
+        failures = [(row, name) for row, name in zip(converted, texts, strict=True) if isinstance(row, int)]
+        if failures:
+            row, name = min(failures, key=lambda failure: failure[0])
+            raise _NoNumberError(chunk[row][0], texts[name][row].strip(), name, sign)
+        for pieces, piece in zip(columns, converted, strict=True):
+            pieces.append(np.asarray(piece))
+        for k, column in zip(layout.labels.values(), labels, strict=True):
+            column.extend(known.setdefault(label, label) for label in (_shown(row[k]) for _, row in chunk))
+        lines.extend(number for number, _ in chunk)
+    table: dict[str, Any] = {
+        name: np.concatenate(pieces) if pieces else np.empty(0)
+        for name, pieces in zip(layout.numbers, columns, strict=True)
+    }
+    for name, found in zip(layout.labels, labels, strict=True):
+        table[name] = found if name == layout.selection.trial else _label_numbers(found)
+    return pd.DataFrame(table), lines
 
-    def __init__(self, layout: Layout, where: str, decimal: str | None) -> None:
-        self._layout = layout
-        self._where = where
-        self._columns: dict[str, list[list[Array]]] = {
-            sign: [[] for _ in layout.numbers] for sign in DECIMALS if decimal in (None, sign)
-        }
-        self._failures: list[tuple[int, str, str, str]] = []  # line, text, name of the column, decimal sign
-        self._labels: list[list[str | float]] = [[] for _ in layout.labels]
-        self._known: dict[str, str | float] = dict.fromkeys(NO_LABELS, np.nan)
-        self._lines = array("q")
-        self._first = self._width = -1  # number of fields of the first row, with and without texts at its end
 
-    def read(self, stream: TextIO) -> tuple[pd.DataFrame, Sequence[int]]:
-        """The table of the columns that are read, and the line in which each row begins."""
-        rows: list[list[str]] = []
-        for number, row in _records(stream, self._layout, self._where):
-            if len(row) != self._width:
-                if len(row) < 2 and not any(map(str.strip, row)):
-                    continue  # an empty line
-                self._check_width(number, row)
-            self._lines.append(number)
-            rows.append(row)
-            if len(rows) == CHUNK:
-                self._convert(rows)
-                rows.clear()
-        if rows:
-            self._convert(rows)
-        table: dict[str, Any] = dict(zip(self._layout.numbers, self._numbers(), strict=True))
-        for name, found in zip(self._layout.labels, self._labels, strict=True):
-            table[name] = found if name == self._layout.selection.trial else _label_numbers(found)
-        return pd.DataFrame(table), self._lines
+def _rows(stream: TextIO, layout: Layout, where: str) -> Iterator[tuple[int, list[str]]]:
+    """The line and the fields of each row; refuses one with another number of fields than the first one, apart from
+    texts at its end.
+    """
+    last = max((*layout.numbers.values(), *layout.labels.values()))
+    first = width = -1  # number of fields of the first row, with and without texts at its end
+    for number, row in _records(stream, layout, where):
+        if len(row) != width:
+            if len(row) < 2 and not any(map(str.strip, row)):
+                continue  # an empty line
+            if first < 0:
+                first = width = min(len(row), len(layout.names))
+                while width > last + 1 and (text := row[width - 1].strip()) and not is_number(text):
+                    width -= 1
+            if len(row) < width or last >= len(row) or any(map(str.strip, row[len(layout.names) :])):
+                expected = first if last < len(row) < first else len(layout.names)
+                raise ValueError(f"{where}: line {number} has {len(row)} fields, expected {expected}")
+        yield number, row
 
-    def _check_width(self, number: int, row: list[str]) -> None:
-        """Refuses a row with another number of fields than the first one, apart from texts at its end."""
-        layout = self._layout
-        last = max((*layout.numbers.values(), *layout.labels.values()))
-        if self._first < 0:
-            self._first = self._width = min(len(row), len(layout.names))
-            while self._width > last + 1 and (text := row[self._width - 1].strip()) and not is_number(text):
-                self._width -= 1
-        if len(row) < self._width or last >= len(row) or any(map(str.strip, row[len(layout.names) :])):
-            expected = self._first if last < len(row) < self._first else len(layout.names)
-            raise ValueError(f"{self._where}: line {number} has {len(row)} fields, expected {expected}")
 
-    def _convert(self, rows: Sequence[list[str]]) -> None:
-        """Converts some rows with each decimal sign that has fitted so far."""
-        check_length(len(self._lines), self._where)
-        names = list(self._layout.numbers)
-        texts = [[row[k] for row in rows] for k in self._layout.numbers.values()]
-        for sign in list(self._columns):
-            found = [numbers(column, sign) for column in texts]
-            failures = [(row, k) for k, row in enumerate(found) if isinstance(row, int)]
-            if failures:
-                row, k = min(failures)
-                line = self._lines[len(self._lines) - len(rows) + row]
-                self._failures.append((line, texts[k][row].strip(), names[k], sign))
-                del self._columns[sign]
-            else:
-                for pieces, piece in zip(self._columns[sign], found, strict=True):
-                    pieces.append(np.asarray(piece))
-        if not self._columns:
-            raise ValueError(f"{self._where}: {self._failure()}")
-        for k, labels in zip(self._layout.labels.values(), self._labels, strict=True):
-            labels.extend(
-                self._known.setdefault(label, label) for label in (_BREAKS.sub(" ", row[k].strip()) for row in rows)
+def _failure(failures: Sequence[_NoNumberError]) -> str:
+    """Which text is no number, with the decimal sign that fitted for longer."""
+    worst = max(failures, key=lambda failure: failure.line)
+    expected = f"line {worst.line}: '{_shown(worst.text)[:60]}' in column '{worst.name}', expected a number"
+    if DATE.match(worst.text):
+        return f"{expected}; convert dates to seconds first"
+    if not is_number(worst.text):
+        return expected
+    others = [f", as {f.text!r} in line {f.line}" for f in failures if f.text != worst.text and is_number(f.text)]
+    return f"{expected} with a decimal {DECIMALS[worst.sign]}{''.join(others[:1])}"
+
+
+def _check_same(points: pd.DataFrame, commas: pd.DataFrame, layout: Layout, lines: Sequence[int], where: str) -> None:
+    """Refuses numbers that could be read in two ways."""
+    for name in layout.numbers:
+        point, comma = points[name].to_numpy(), commas[name].to_numpy()
+        bad = np.flatnonzero((point != comma) & ~np.isnan(point))
+        if bad.size:
+            row = bad[0]
+            raise ValueError(
+                f"{where}: line {lines[row]}: column '{name}' is {point[row]:.9g} with decimal points,"
+                f" {comma[row]:.9g} with decimal commas; say which, with --decimal . or --decimal ,"
             )
 
-    def _failure(self) -> str:
-        """Which text is no number, with the decimal sign that fitted for longer."""
-        line, text, name, sign = max(self._failures, key=lambda failure: failure[0])
-        other = next(((n, t) for n, t, *_ in self._failures if t != text and is_number(t)), None)
-        expected = f"line {line}: '{_BREAKS.sub(' ', text)[:60]}' in column '{name}', expected a number"
-        if DATE.match(text):
-            return f"{expected}; convert dates to seconds first"
-        if not is_number(text):
-            return expected
-        return f"{expected} with a decimal {DECIMALS[sign]}{f', as {other[1]!r} in line {other[0]}' if other else ''}"
 
-    def _numbers(self) -> list[Array]:
-        """The columns of numbers; refuses those that could be read in two ways."""
-        columns = [
-            [np.concatenate(pieces) if pieces else np.empty(0) for pieces in found] for found in self._columns.values()
-        ]
-        for name, point, comma in zip(self._layout.numbers, columns[0], columns[-1], strict=True):
-            bad = np.flatnonzero((point != comma) & ~np.isnan(point))
-            if bad.size:
-                row = bad[0]
-                raise ValueError(
-                    f"{self._where}: line {self._lines[row]}: column '{name}' is {point[row]:.9g} with decimal points,"
-                    f" {comma[row]:.9g} with decimal commas; say which, with --decimal . or --decimal ,"
-                )
-        return columns[0]
+def _shown(text: str) -> str:
+    """A text on one line."""
+    return _BREAKS.sub(" ", text.strip())
 
 
 def _records(stream: Iterable[str], layout: Layout, where: str) -> Iterator[tuple[int, list[str]]]:
