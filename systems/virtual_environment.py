@@ -17,7 +17,7 @@ from systems.haptics.coupling_margins import require_margins
 from systems.haptics.haptic_device import HapticDevice
 from systems.haptics.haptic_proxy import HapticProxy
 from systems.haptics.passivity_observer import PassivityObserver
-from systems.haptics.virtual_fixture import MakeFixture, VirtualFixture
+from systems.haptics.virtual_fixture import fixture_of
 from systems.math.rotation import from_rotation_vector
 from systems.operators.simulated_operator import SimulatedOperator
 from systems.plant.exact_peg import AddPegPlant, PegPlant
@@ -104,17 +104,11 @@ def start_pose(scenario: Scenario) -> RigidTransform:
     return RigidTransform(R_HP, np.array([*offset, pivot]) + distance * R_HP.col(2))
 
 
-def MakeVirtualEnvironment(
-    scenario: Scenario,
-    *,
-    fixture: VirtualFixture | None = None,
-    operator: LeafSystem | None = None,
-) -> VirtualEnvironment:
+def MakeVirtualEnvironment(scenario: Scenario, *, operator: LeafSystem | None = None) -> VirtualEnvironment:
     """Builds the diagram of a resolved scenario; simulates nothing.
 
     Args:
         scenario: resolved (see `resolve_scenario`).
-        fixture: virtual fixture; None makes the one that the scenario names.
         operator: system with an output ``hand_pose``, the pose to which it moves the probe, and optional inputs
             ``peg_pose`` and ``rendered_wrench``; None makes the simulated operator.
 
@@ -130,7 +124,7 @@ def MakeVirtualEnvironment(
     parameters = DEVICE_PRESETS[scenario.device]
     builder.AddNamedSystem("operator", operator)
     device = builder.AddNamedSystem("haptic_device", HapticDevice(parameters=parameters, X_HD_start=X_HP_start))
-    proxy, recorder, log = add_coupling(builder, scenario, plant, fixture=fixture)
+    proxy, recorder, log = add_coupling(builder, scenario, plant)
     observer = builder.AddNamedSystem(
         "passivity_observer", PassivityObserver(period=parameters.servo_period, X_HD_start=X_HP_start)
     )
@@ -147,16 +141,14 @@ def MakeVirtualEnvironment(
 
 
 def add_coupling(
-    builder: DiagramBuilder, scenario: Scenario, plant: PegPlant, *, fixture: VirtualFixture | None = None
+    builder: DiagramBuilder, scenario: Scenario, plant: PegPlant
 ) -> tuple[HapticProxy, DemonstrationRecorder, VectorLogSink]:
     """Adds the coupling of the peg to a probe, and the recorder with its log, and connects them to the plant.
 
     Their ports of the probe remain to be connected.
     """
-    if fixture is None:
-        fixture = MakeFixture(scenario)
     proxy = builder.AddNamedSystem(
-        "haptic_proxy", HapticProxy(coupling=scenario.coupling, fixture=fixture, peg=plant.index)
+        "haptic_proxy", HapticProxy(coupling=scenario.coupling, fixture=fixture_of(scenario), peg=plant.index)
     )
     period = scenario.recorder.period
     recorder = builder.AddNamedSystem(

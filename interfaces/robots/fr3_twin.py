@@ -2,7 +2,7 @@
 
 The server is that of franky-sim. Its physics is replaced by `TorqueArm`: the arm of the scenario, its compliance, the
 peg, and the hole with exact contact. What franky-sim leaves out and a real arm has is added here: a velocity command
-that holds a position, the estimate of the external wrench, contact flags, and stops by itself (`_Server`).
+that holds a position, the estimate of the external wrench, and stops by itself (`_Server`).
 """
 
 from __future__ import annotations
@@ -97,8 +97,7 @@ class _Robot(BaseRobot):
         self._bias = TORQUE_BIAS * standard_normal(seed, "bias of the joint torques", 0, 7)
         self._command, self._rate = arm.angles, np.zeros(7)
         self.estimate, self.wrench = self._bias.copy(), np.zeros(6)
-        self.lower_force, self.upper_force = np.full(6, np.inf), np.full(6, np.inf)
-        self.lower_torque, self.upper_torque = np.full(7, np.inf), np.full(7, np.inf)
+        self.upper_force, self.upper_torque = np.full(6, np.inf), np.full(7, np.inf)
 
     def set_stiffness(self, stiffness: Sequence[float]) -> None:
         """Sets the stiffness of the joints (7,), N m/rad, and damping in proportion."""
@@ -136,10 +135,6 @@ class _Robot(BaseRobot):
             q_d=tuple(self._command),
             tau_ext_hat_filtered=tuple(self.estimate),
             O_F_ext_hat_K=tuple(self.wrench),
-            joint_contact=tuple((np.abs(self.estimate) > self.lower_torque).astype(float)),
-            cartesian_contact=tuple((np.abs(self.wrench) > self.lower_force).astype(float)),
-            joint_collision=tuple((np.abs(self.estimate) > self.upper_torque).astype(float)),
-            cartesian_collision=tuple((np.abs(self.wrench) > self.upper_force).astype(float)),
         )
 
     def _get_state(self) -> InnerRobotState:
@@ -233,14 +228,11 @@ class _Server(FrankaRobotServer):
 
 
 class _CollisionBehavior(SetCollisionBehaviorCommand):
-    """Sets the limits of the estimated wrench and torques; those for accelerations are not told apart."""
+    """Sets the limits of the estimated wrench and torques; accelerations and contacts are not told apart."""
 
     def handle(self, server: _Server) -> None:
-        robot = server.robot
-        robot.lower_torque = np.array(self.lower_torque_thresholds_nominal)
-        robot.upper_torque = np.array(self.upper_torque_thresholds_nominal)
-        robot.lower_force = np.array(self.lower_force_thresholds_nominal)
-        robot.upper_force = np.array(self.upper_force_thresholds_nominal)
+        server.robot.upper_torque = np.array(self.upper_torque_thresholds_nominal)
+        server.robot.upper_force = np.array(self.upper_force_thresholds_nominal)
         self.reply(0)
 
 

@@ -14,7 +14,7 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
 
 from models.scenario import CouplingParameters
-from systems.haptics.virtual_fixture import VirtualFixture
+from systems.haptics.virtual_fixture import Fixture
 from systems.math.rotation import cross, free_body_pose, rotation_vector
 
 
@@ -47,7 +47,7 @@ class HapticProxy(LeafSystem):
 
     at the tip, in H. The logarithm is a rotation vector, regular below 180 degrees. The probe receives the scaled
     reaction -(torque_scale t_P, force_scale F_P). A virtual fixture adds a spring-damper on the deviation from its
-    constraint (see `VirtualFixture`), with the linear gains of the guide and the angular gains of the coupling.
+    constraint (see `Deviation`), with the linear gains of the guide and the angular gains of the coupling.
 
     ``peg_state`` is [quaternion, position, angular velocity, velocity] of the floating peg. H and W coincide in the
     virtual environment. Wrenches and velocities have the angular part first.
@@ -58,7 +58,7 @@ class HapticProxy(LeafSystem):
         peg: Index of the peg in the plant.
     """
 
-    def __init__(self, *, coupling: CouplingParameters, fixture: VirtualFixture, peg: BodyIndex) -> None:
+    def __init__(self, *, coupling: CouplingParameters, fixture: Fixture, peg: BodyIndex) -> None:
         super().__init__()
         self._coupling = coupling
         self._fixture = fixture
@@ -90,7 +90,7 @@ class HapticProxy(LeafSystem):
             X_HP: Pose of the peg.
             V_HP: [angular velocity; velocity] of the peg (6,), in H.
         """
-        deviation = self._fixture.deviation(X_HP)
+        deviation = self._fixture(X_HP)
         if deviation is None:
             return np.zeros(6)
         c = self._coupling

@@ -1,13 +1,14 @@
 """Defines virtual fixtures: stiff guides that remove degrees of freedom from the virtual peg.
 
-A fixture is an object with a method ``deviation``; the proxy drives the deviation to zero with a spring-damper. To add
-a fixture, write a class with this method and pass an instance to `MakeVirtualEnvironment`.
+A fixture is a function that returns the deviation of a peg at X_HP, or None if it constrains nothing; the proxy drives
+the deviation to zero with a spring-damper. To add a fixture, write such a function and name it in `fixture_of`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,64 +37,45 @@ class Deviation:
     guides_rotation: NDArray[np.float64]
 
 
-class VirtualFixture(Protocol):
-    """Interface of a fixture."""
-
-    def deviation(self, X_HP: RigidTransform) -> Deviation | None:
-        """Returns the deviation of a peg at X_HP, or None if the fixture constrains nothing."""
+Fixture = Callable[[RigidTransform], Deviation | None]
 
 
-class FreeFixture:
-    """Leaves all six degrees of freedom."""
+def rig_deviation(X_HP: RigidTransform, *, pivot_height: float = 0.0, clocking_stage: bool = False) -> Deviation:
+    """Returns the distance of the peg's axis from the pivot, and the angle about the axis.
 
-    def deviation(self, X_HP: RigidTransform) -> Deviation | None:
-        """Returns None."""
-        return None
-
-
-class RigFixture:
-    """Leaves the rig's three degrees of freedom, or four with a clocking stage: the peg's axis passes the pivot.
+    This leaves the rig's three degrees of freedom, or four with a clocking stage.
 
     Args:
+        X_HP: Pose of the peg.
         pivot_height: Height of the gimbal's pivot above the centre of the mouth, on the hole's axis, m.
         clocking_stage: Whether the peg may turn about its axis.
     """
-
-    def __init__(self, pivot_height: float = 0.0, *, clocking_stage: bool = False) -> None:
-        self._p_HPivot = np.array([0.0, 0.0, pivot_height])
-        self._free = clocking_stage
-
-    def deviation(self, X_HP: RigidTransform) -> Deviation | None:
-        """Returns the distance of the peg's axis from the pivot, and the angle about the axis."""
-        axis = X_HP.rotation().col(2)
-        tip = X_HP.translation() - self._p_HPivot
-        d = tip - (tip @ axis) * axis
-        held = np.zeros((0, 3)) if self._free else axis[None, :]
-        theta = np.zeros(3) if self._free else clocking_angle(X_HP.rotation()) * axis
-        return Deviation(p_HQ=self._p_HPivot, d_HQ=d, theta_H=theta, free_axis_H=axis, guides_rotation=held)
+    pivot, axis = np.array([0.0, 0.0, pivot_height]), X_HP.rotation().col(2)
+    tip = X_HP.translation() - pivot
+    d = tip - (tip @ axis) * axis
+    held = np.zeros((0, 3)) if clocking_stage else axis[None, :]
+    theta = np.zeros(3) if clocking_stage else clocking_angle(X_HP.rotation()) * axis
+    return Deviation(p_HQ=pivot, d_HQ=d, theta_H=theta, free_axis_H=axis, guides_rotation=held)
 
 
-class AxialFixture:
-    """Leaves one degree of freedom, along the axis of the hole."""
-
-    def deviation(self, X_HP: RigidTransform) -> Deviation | None:
-        """Returns the lateral displacement of the tip, and the whole rotation."""
-        tip = X_HP.translation()
-        return Deviation(
-            p_HQ=tip,
-            d_HQ=np.array([tip[0], tip[1], 0.0]),
-            theta_H=rotation_vector(X_HP.rotation()),
-            free_axis_H=np.array([0.0, 0.0, 1.0]),
-            guides_rotation=np.eye(3),
-        )
+def axial_deviation(X_HP: RigidTransform) -> Deviation:
+    """Returns the lateral displacement of the tip, and the whole rotation: the slide along the hole's axis is free."""
+    tip = X_HP.translation()
+    return Deviation(
+        p_HQ=tip,
+        d_HQ=np.array([tip[0], tip[1], 0.0]),
+        theta_H=rotation_vector(X_HP.rotation()),
+        free_axis_H=np.array([0.0, 0.0, 1.0]),
+        guides_rotation=np.eye(3),
+    )
 
 
-def MakeFixture(scenario: Scenario) -> VirtualFixture:
+def fixture_of(scenario: Scenario) -> Fixture:
     """Returns the virtual fixture of a resolved scenario."""
     rig = scenario.rig
-    fixtures: dict[str, VirtualFixture] = {
-        FREE_FIXTURE: FreeFixture(),
-        RIG_FIXTURE: RigFixture(rig.pivot_height or 0.0, clocking_stage=rig.clocking_stage),
-        AXIAL_FIXTURE: AxialFixture(),
+    fixtures: dict[str, Fixture] = {
+        FREE_FIXTURE: lambda X_HP: None,
+        RIG_FIXTURE: partial(rig_deviation, pivot_height=rig.pivot_height or 0.0, clocking_stage=rig.clocking_stage),
+        AXIAL_FIXTURE: axial_deviation,
     }
     return fixtures[scenario.fixture]

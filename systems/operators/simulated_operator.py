@@ -18,10 +18,6 @@ from systems.math.rotation import clocking_angle, from_rotation_vector, rotation
 HINDERED_SHARE = 0.5  # share of the comfortable force above which a push counts as hindered
 
 
-def _zeros() -> NDArray[np.float64]:
-    return np.zeros(2)
-
-
 @dataclass(frozen=True)
 class HandState:
     """State of the hand; `as_list` and `from_vector` convert it to and from a discrete state (20,).
@@ -52,11 +48,11 @@ class HandState:
     decided: float = 0.0
     hindered: float = 0.0
     speed: float = 0.0
-    turn_rate: NDArray[np.float64] = field(default_factory=_zeros)
-    slide_rate: NDArray[np.float64] = field(default_factory=_zeros)
+    turn_rate: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+    slide_rate: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
     stroke_start: float = 0.0
-    stroke_turn: NDArray[np.float64] = field(default_factory=_zeros)
-    stroke_slide: NDArray[np.float64] = field(default_factory=_zeros)
+    stroke_turn: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+    stroke_slide: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
     clocking: float = 0.0
     clocking_rate: float = 0.0
     stroke_clocking: float = 0.0
@@ -208,10 +204,13 @@ class SimulatedOperator(LeafSystem):
         newest = self._look(self._peg_pose.Eval(context), tick=round(now / o.decision_period))
         discrete_state.get_mutable_vector(self._seen).SetFromVector(np.vstack([newest, memory[:-1]]).ravel())
         if now - hand.stroke_start > o.correction_period - 0.5 * o.decision_period:
-            turn, slide = self._stroke(memory[-1, :2]), self._slide(memory[-1, 2:4])
-            hand = replace(hand, stroke_start=now, stroke_turn=turn, stroke_slide=slide)
-            if self._clocks:
-                hand = replace(hand, stroke_clocking=float(self._stroke(memory[-1, 4:])[0]))
+            hand = replace(
+                hand,
+                stroke_start=now,
+                stroke_turn=self._stroke(memory[-1, :2], o.dead_zone, o.align_rate),
+                stroke_slide=self._stroke(memory[-1, 2:4], o.offset_dead_zone),
+                stroke_clocking=float(self._stroke(memory[-1, 4:], o.dead_zone, o.align_rate)[0]),
+            )
 
         hand = self._react(hand, self._rendered_wrench.Eval(context))
         discrete_state.get_mutable_vector(self._hand).SetFromVector(hand.as_list())
@@ -254,20 +253,20 @@ class SimulatedOperator(LeafSystem):
             [tilt + tilt_bias + o.sight_noise * noise[:2], offset + offset_bias + o.offset_noise * noise[2:], clocking]
         )
 
-    def _stroke(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the turn (n,), rad, of the stroke that answers seen angles (n,)."""
-        o = self._operator
-        rate = -o.align_gain * angles if np.linalg.norm(angles) > o.dead_zone else np.zeros(len(angles))
-        size = np.linalg.norm(rate)
-        if size > o.align_rate:
-            rate *= o.align_rate / size
-        return rate * o.correction_period
+    def _stroke(self, seen: NDArray[np.float64], dead_zone: float, largest: float = math.inf) -> NDArray[np.float64]:
+        """Returns the whole change (n,) in the stroke that answers what is seen (n,), rad or m.
 
-    def _slide(self, offset: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the slide (2,), m, of the stroke that answers a seen offset."""
+        Args:
+            seen: Angles or an offset.
+            dead_zone: What is smaller is not corrected.
+            largest: Mean rate of the change at most, in units of 1/s of ``seen``.
+        """
         o = self._operator
-        slide = -o.align_gain * offset if np.linalg.norm(offset) > o.offset_dead_zone else np.zeros(2)
-        return slide * o.correction_period
+        rate = -o.align_gain * seen if np.linalg.norm(seen) > dead_zone else np.zeros(len(seen))
+        size = np.linalg.norm(rate)
+        if size > largest:
+            rate *= largest / size
+        return rate * o.correction_period
 
 
 def minimum_jerk(share: float) -> float:

@@ -7,14 +7,14 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
 from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
 from systems.haptics.haptic_device import HapticDevice
 from systems.haptics.haptic_proxy import HapticProxy
 from systems.haptics.passivity_observer import PassivityObserver
-from systems.haptics.virtual_fixture import MakeFixture
+from systems.haptics.virtual_fixture import fixture_of
 from systems.servo.local_contact import LocalContact, Springs
 from systems.servo.local_peg import LocalPeg
 from systems.servo.multirate_margins import require_multirate_margins
@@ -43,11 +43,6 @@ class Servo:
         self._context = self._simulator.get_mutable_context()
         self._ticks = 0
         self._model_time = 0.0
-
-    @property
-    def context(self) -> Context:
-        """Context of the diagram."""
-        return self._context
 
     @property
     def time(self) -> float:
@@ -113,8 +108,9 @@ def MakeServo(scenario: Scenario, *, operator: LeafSystem, X_HP_start: RigidTran
     builder = DiagramBuilder()
     builder.AddNamedSystem("operator", operator)
     device = builder.AddNamedSystem("haptic_device", HapticDevice(parameters=parameters, X_HD_start=X_HP_start))
-    fixture = MakeFixture(scenario)
-    proxy = builder.AddNamedSystem("haptic_proxy", HapticProxy(coupling=scenario.coupling, fixture=fixture, peg=PEG))
+    proxy = builder.AddNamedSystem(
+        "haptic_proxy", HapticProxy(coupling=scenario.coupling, fixture=fixture_of(scenario), peg=PEG)
+    )
     peg = builder.AddNamedSystem("local_peg", LocalPeg(scenario=scenario, period=period, X_HP_start=X_HP_start))
     fade = builder.AddNamedSystem("fade", StaleContactFade(period=period))
     observer = builder.AddNamedSystem("passivity_observer", PassivityObserver(period=period, X_HD_start=X_HP_start))

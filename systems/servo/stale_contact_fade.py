@@ -49,7 +49,7 @@ class StaleContactFade(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         gain = self.discrete_state_ticket(self._gain)
         self.DeclareVectorOutputPort("faded_wrench", 6, self._calc_wrench, {gain, self._wrench.ticket()})
-        self.DeclareVectorOutputPort("gain", 1, self._calc_gain, {gain})
+        self.DeclareStateOutputPort("gain", self._gain)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         age = context.get_time() - self._contact.Eval(context).time
@@ -62,6 +62,3 @@ class StaleContactFade(LeafSystem):
 
     def _calc_wrench(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._present(context) * self._wrench.Eval(context))
-
-    def _calc_gain(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector([self._present(context)])

@@ -15,7 +15,6 @@ import systems
 from models.hardware import DEVICE_PRESETS
 from models.scenario import TRIAL_STREAM, Scenario, load_scenario, resolve_scenario
 from systems.arm.kinematics import ArmKinematics
-from systems.haptics.virtual_fixture import FreeFixture
 from systems.law.drive_monitor import DriveLimits
 from systems.law.force_guard import GuardLimits, StoppingModel
 from systems.law.part import Part
@@ -49,7 +48,7 @@ ARGUMENTS = {
     "HapticDevice": lambda skill: {"parameters": DEVICE_PRESETS["paper"], "X_HD_start": X},
     "HapticProxy": lambda skill: {
         "coupling": S.coupling,
-        "fixture": FreeFixture(),
+        "fixture": lambda X_HP: None,
         "peg": BodyIndex(1),
     },
     "PolicyController": lambda skill: {

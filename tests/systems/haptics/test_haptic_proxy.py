@@ -8,12 +8,16 @@ from scipy.spatial.transform import Rotation
 
 from models.scenario import CouplingParameters
 from systems.haptics.haptic_proxy import HapticProxy
-from systems.haptics.virtual_fixture import AxialFixture, FreeFixture, RigFixture
+from systems.haptics.virtual_fixture import axial_deviation, rig_deviation
 from systems.math.rotation import from_rotation_vector
 from tests.stepping import fixed_context
 
 C = CouplingParameters()
 PEG = BodyIndex(3)
+
+
+def free(X_HP):
+    return None
 
 
 def pose(turn, position):
@@ -35,7 +39,7 @@ def test_the_force_is_that_of_a_spring_and_a_damper():
     p_HD, p_HP = np.array([0.003, -0.001, 0.002]), np.array([0.001, 0.001, -0.004])
     v_HD, v_HP = np.array([0.01, 0.0, -0.02]), np.array([0.0, 0.03, -0.01])
     dut, context = proxy(
-        FreeFixture(),
+        free,
         X_HD=pose([0, 0, 0], p_HD),
         V_HD=[0, 0, 0, *v_HD],
         X_HP=pose([0, 0, 0], p_HP),
@@ -59,7 +63,7 @@ def test_the_torque_is_along_the_rotation_vector_between_probe_and_peg():
     R_HD = Rotation.from_rotvec(between) * R_HP
     w_HD, w_HP = np.array([0.1, -0.2, 0.0]), np.array([0.0, 0.1, 0.3])
     dut, context = proxy(
-        FreeFixture(),
+        free,
         X_HD=pose(R_HD.as_rotvec(), [0, 0, 0]),
         V_HD=[*w_HD, 0, 0, 0],
         X_HP=pose(R_HP.as_rotvec(), [0, 0, 0]),
@@ -74,7 +78,7 @@ def test_the_torque_is_along_the_rotation_vector_between_probe_and_peg():
 
 def test_the_probe_receives_the_scaled_reaction_and_the_peg_the_wrench():
     X_HD, X_HP = pose([0.02, 0.01, -0.03], [0.001, 0.002, -0.003]), pose([0.0, 0.03, 0.01], [0.0, -0.001, 0.001])
-    dut, context = proxy(FreeFixture(), X_HD=X_HD, X_HP=X_HP, V_HP=[0.1, 0.2, 0.3, 0.01, 0.02, 0.03])
+    dut, context = proxy(free, X_HD=X_HD, X_HP=X_HP, V_HP=[0.1, 0.2, 0.3, 0.01, 0.02, 0.03])
     wrench = dut.GetOutputPort("coupling_wrench").Eval(context)
     assert (np.abs(wrench) > 1e-3).all()
     rendered = dut.GetOutputPort("probe_wrench").Eval(context)
@@ -89,7 +93,7 @@ def test_the_probe_receives_the_scaled_reaction_and_the_peg_the_wrench():
 
 def test_the_guide_acts_on_the_peg_and_not_on_the_probe():
     X = pose([0.0, 0.0, 0.0], [0.0005, 0.0, -0.01])
-    dut, context = proxy(RigFixture(), X_HD=X, X_HP=X)
+    dut, context = proxy(rig_deviation, X_HD=X, X_HP=X)
     (force,) = dut.GetOutputPort("peg_forces").Eval(context)
     np.testing.assert_allclose(force.F_Bq_W.translational(), [-C.guide_stiffness * 0.0005, 0.0, 0.0], atol=1e-9)
     # The force acts at the mouth, 10 mm above the tip, which gives a torque about y.
@@ -114,26 +118,26 @@ def test_the_rigs_guide_exerts_no_wrench_for_motions_of_the_rig(tilt, height, w,
     X = RigidTransform(R, height * R.col(2))
     omega = w[0] * R.col(0) + w[1] * R.col(1)  # rotation about the mouth without spin
     V = np.concatenate([omega, np.cross(omega, X.translation()) + slide * R.col(2)])
-    np.testing.assert_allclose(guide(RigFixture(), X, V), np.zeros(6), atol=1e-7)
+    np.testing.assert_allclose(guide(rig_deviation, X, V), np.zeros(6), atol=1e-7)
 
 
 @given(position=st.tuples(*[st.floats(-1e-3, 1e-3)] * 3), slide=speeds)
 def test_the_axial_guide_exerts_no_force_along_the_axis(position, slide):
     X = pose([0.01, -0.02, 0.03], position)
-    still, moving = guide(AxialFixture(), X), guide(AxialFixture(), X, [0, 0, 0, 0, 0, slide])
+    still, moving = guide(axial_deviation, X), guide(axial_deviation, X, [0, 0, 0, 0, 0, slide])
     np.testing.assert_allclose(still, moving, atol=1e-9)
     assert still[5] == 0.0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fixture", [RigFixture(), AxialFixture()], ids=["rig", "axial"])
+@pytest.mark.parametrize("fixture", [rig_deviation, axial_deviation], ids=["rig", "axial"])
 @given(data=st.data())
 def test_a_guide_is_a_spring_and_dissipates_power(fixture, data):
     turn = data.draw(st.tuples(*[st.floats(-0.05, 0.05)] * 3))
     position = data.draw(st.tuples(*[st.floats(-1e-3, 1e-3)] * 3))
     V = np.array(data.draw(st.tuples(*[speeds] * 6)))
     X = pose(turn, position)
-    found = fixture.deviation(X)
+    found = fixture(X)
     elastic = guide(fixture, X)
     # The spring's force at the guided point is -k d, its torque about that point -k_r theta.
     lever = found.p_HQ - X.translation()

@@ -6,17 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
-from models.scenario import FIXTURES, Scenario
-from systems.haptics.virtual_fixture import AxialFixture, FreeFixture, MakeFixture, RigFixture
+from models.scenario import Scenario
+from systems.haptics.virtual_fixture import axial_deviation, fixture_of, rig_deviation
 from systems.math.rotation import from_rotation_vector
 
 tilts = st.tuples(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15))
 
 
-@pytest.mark.parametrize("name", FIXTURES)
-def test_every_fixture_name_of_a_scenario_gives_its_class(name):
-    kinds = {"free": FreeFixture, "rig": RigFixture, "axial": AxialFixture}
-    assert type(MakeFixture(Scenario(fixture=name))) is kinds[name]
+def test_a_free_peg_has_no_deviation_and_an_axial_one_has_its_own():
+    X_HP = RigidTransform([0.001, -0.002, 0.003])
+    assert fixture_of(Scenario(fixture="free"))(X_HP) is None
+    assert fixture_of(Scenario(fixture="axial")) is axial_deviation
 
 
 @given(
@@ -25,7 +25,7 @@ def test_every_fixture_name_of_a_scenario_gives_its_class(name):
 def test_the_rigs_deviation_is_the_distance_of_the_axis_from_the_centre_of_the_mouth(tilt, height, distance, direction):
     R = from_rotation_vector(np.array([*tilt, 0.0]))
     across = math.cos(direction) * R.col(0) + math.sin(direction) * R.col(1)
-    found = RigFixture().deviation(RigidTransform(R, height * R.col(2) + distance * across))
+    found = rig_deviation(RigidTransform(R, height * R.col(2) + distance * across))
     np.testing.assert_allclose(found.d_HQ, distance * across, atol=1e-14)
     np.testing.assert_array_equal(found.p_HQ, np.zeros(3))
 
@@ -33,8 +33,8 @@ def test_the_rigs_deviation_is_the_distance_of_the_axis_from_the_centre_of_the_m
 @given(tilt=tilts, height=st.floats(-0.03, 0.01), pivot=st.floats(-0.003, 0.003))
 def test_the_rigs_deviation_is_zero_if_the_axis_passes_the_pivot(tilt, height, pivot):
     R = from_rotation_vector(np.array([*tilt, 0.0]))
-    dut = RigFixture(pivot)
-    found = dut.deviation(RigidTransform(R, np.array([0.0, 0.0, pivot]) + (height - pivot) * R.col(2)))
+    X_HP = RigidTransform(R, np.array([0.0, 0.0, pivot]) + (height - pivot) * R.col(2))
+    found = rig_deviation(X_HP, pivot_height=pivot)
     np.testing.assert_allclose(found.d_HQ, 0.0, atol=1e-15)
     np.testing.assert_array_equal(found.p_HQ, [0.0, 0.0, pivot])
 
@@ -42,7 +42,7 @@ def test_the_rigs_deviation_is_zero_if_the_axis_passes_the_pivot(tilt, height, p
 @given(tilt=tilts, spin=st.floats(-0.2, 0.2))
 def test_the_rigs_deviation_contains_the_spin_of_a_tilted_peg_about_its_axis(tilt, spin):
     R = from_rotation_vector(np.array([*tilt, 0.0])) @ RotationMatrix.MakeZRotation(spin)
-    theta = RigFixture().deviation(RigidTransform(R, np.zeros(3))).theta_H
+    theta = rig_deviation(RigidTransform(R, np.zeros(3))).theta_H
     # This is exact to first order in the spin; the remainder is of order tilt^2.
     np.testing.assert_allclose(theta, spin * R.col(2), atol=abs(spin) * (0.15**2 * 2) + 1e-12)
 
@@ -51,9 +51,9 @@ def test_a_clocking_stage_leaves_the_angle_about_the_axis_to_the_hand():
     R = from_rotation_vector(np.array([0.03, -0.02, 0.0])) @ RotationMatrix.MakeZRotation(0.05)
     scenario, X_HP = Scenario(fixture="rig"), RigidTransform(R, [1e-4, 0.0, 0.0])
     scenario.rig.pivot_height = 0.001
-    held = MakeFixture(scenario).deviation(X_HP)
+    held = fixture_of(scenario)(X_HP)
     scenario.rig.clocking_stage = True
-    found = MakeFixture(scenario).deviation(X_HP)
+    found = fixture_of(scenario)(X_HP)
     np.testing.assert_array_equal(found.theta_H, np.zeros(3))
     assert found.guides_rotation.shape == (0, 3)
     np.testing.assert_array_equal(found.d_HQ, held.d_HQ)
@@ -63,7 +63,7 @@ def test_a_clocking_stage_leaves_the_angle_about_the_axis_to_the_hand():
 
 def test_the_axial_fixture_leaves_the_slide_along_the_axis_only():
     X = RigidTransform(from_rotation_vector(np.array([0.02, -0.03, 0.01])), [0.001, -0.002, 0.003])
-    found = AxialFixture().deviation(X)
+    found = axial_deviation(X)
     np.testing.assert_allclose(found.d_HQ, [0.001, -0.002, 0.0])
     np.testing.assert_allclose(found.p_HQ, [0.001, -0.002, 0.003])
     np.testing.assert_allclose(found.theta_H, [0.02, -0.03, 0.01])

@@ -102,18 +102,29 @@ def test_the_hand_starts_at_the_pose_of_the_scenario():
     np.testing.assert_allclose(X.GetAsMatrix34(), start.GetAsMatrix34(), atol=1e-15)
 
 
-def test_a_stroke_is_proportional_to_what_is_seen_up_to_its_largest_rate():
-    dut = operator(person(align_gain=0.8, align_rate=0.01, correction_period=0.3))
-    np.testing.assert_allclose(dut._stroke(np.array([0.003, -0.005])), [-0.00072, 0.0012])
-    np.testing.assert_allclose(dut._stroke(np.array([0.03, -0.04])), [-0.0018, 0.0024])  # 0.01 rad/s for 0.3 s
-    np.testing.assert_allclose(dut._slide(np.array([0.001, -0.002])), [-0.00024, 0.00048])
+def stroke(o, tilt, offset=(0.0, 0.0)):
+    """Returns turn and slide of the stroke of the first correction period."""
+    dut = operator(o, tilt=tilt, offset=offset)
+    context = watching(dut, tilted(tilt, offset))
+    update(dut, context, period=o.decision_period, times=round(o.correction_period / o.decision_period))
+    hand = HandState.from_vector(context.get_discrete_state(dut._hand).value())
+    return hand.stroke_turn, hand.stroke_slide
+
+
+def test_a_stroke_is_proportional_to_what_is_seen_and_a_turn_has_a_largest_rate():
+    o = person(align_gain=0.8, align_rate=0.01)
+    turn, slide = stroke(o, [0.003, -0.005], [0.1, -0.2])
+    np.testing.assert_allclose(turn, 0.8 * o.correction_period * np.array([-0.003, 0.005]), rtol=1e-6)
+    np.testing.assert_allclose(slide, 0.8 * o.correction_period * np.array([-0.1, 0.2]), rtol=1e-6)
+    turn, _ = stroke(o, [0.03, -0.04])
+    np.testing.assert_allclose(turn, 0.01 * o.correction_period * np.array([-0.6, 0.8]), rtol=1e-6)
 
 
 @pytest.mark.parametrize(("share", "is_corrected"), [(1.02, False), (0.98, True)])
 def test_a_tilt_and_an_offset_in_their_dead_zones_are_not_corrected(share, is_corrected):
-    dut = operator(person(dead_zone=0.005 * share, offset_dead_zone=5e-4 * share))
-    assert dut._stroke(np.array([0.003, 0.004])).any() == is_corrected
-    assert dut._slide(np.array([3e-4, 4e-4])).any() == is_corrected
+    o = person(dead_zone=0.005 * share, offset_dead_zone=5e-4 * share)
+    for change in stroke(o, [0.003, 0.004], [3e-4, 4e-4]):
+        assert change.any() == is_corrected
 
 
 def test_corrections_are_strokes_with_pauses():
