@@ -89,16 +89,13 @@ def searched(candidates: Array, errors_of: Callable[[Array], Array]) -> tuple[Ar
 def candidate_bandwidths(X: Array, p: RegressionNumbers) -> Array:
     """Twelve candidates, from an eighth to four times the median radius of a neighbourhood; `searched` goes on.
 
-    The radius is the distance to the farthest neighbour used. For an adaptive kernel, whose bandwidth is in units of
-    this radius, the candidates are the multiples themselves.
+    The radius is the distance to the farthest neighbour used.
 
     Args:
         X: (n, d), scaled features.
         p: the regression; its bandwidth has no effect.
     """
     multiples = np.geomspace(0.125, 4.0, 12)
-    if p.adaptive:
-        return multiples
     k = min(p.k, len(X))
     queries = X[:: max(1, len(X) // RADII)]
     radii = [np.partition(np.linalg.norm(query - X, axis=1), k - 1)[k - 1] for query in queries]

@@ -33,7 +33,7 @@ MAX_QUERY = 1e100
 
 RULES = {
     "bandwidth": ArrayRule(low=MIN_POSITIVE),
-    "bandwidth_type": ArrayRule(holds="texts", choices=("fixed", "adaptive")),
+    "bandwidth_type": ArrayRule(holds="texts", choices=("fixed",)),
     "degree": ArrayRule(holds="integers", low=0, high=1),
     "ridge": ArrayRule(low=0.0),
     "n_neighbors": ArrayRule(holds="integers", low=-1),
@@ -62,11 +62,10 @@ class LWRegressor(RegressorMixin, BaseEstimator):
     own regressor; with P and Q from a classifier the regressors blend into each other.
 
     Args:
-        bandwidth: h, in units of the scaled features; for ``bandwidth_type="adaptive"``, in units of the distance to
-            the farthest neighbour used. "auto" selects it in ``fit`` by the leave-one-out error of at most 500
-            samples, among candidates that go on while the best is the first or the last. Where samples resemble their
-            neighbours in time, this is too narrow: leave out whole demonstrations, by scikit-learn's ``GroupKFold``.
-        bandwidth_type: "fixed" or "adaptive".
+        bandwidth: h, in units of the scaled features. "auto" selects it in ``fit`` by the leave-one-out error of at
+            most 500 samples, among candidates that go on while the best is the first or the last. Where samples
+            resemble their neighbours in time, this is too narrow: leave out whole demonstrations, by scikit-learn's
+            ``GroupKFold``.
         degree: 1 for the local linear model, 0 for the kernel mean.
         ridge: penalty on the squared slope, for scaled features and weights of at most 1; with the default scale it
             does not depend on the units of X.
@@ -90,7 +89,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
 
     _parameter_constraints: dict[str, list[Any]] = {
         "bandwidth": [Interval(Real, 0, None, closed="neither"), StrOptions({"auto"})],
-        "bandwidth_type": [StrOptions({"fixed", "adaptive"})],
         "degree": [Interval(Integral, 0, 1, closed="both")],
         "ridge": [Interval(Real, 0, None, closed="left")],
         "n_neighbors": [Interval(Integral, 1, None, closed="left"), None],
@@ -101,14 +99,12 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         self,
         bandwidth: float | str = "auto",
         *,
-        bandwidth_type: str = "fixed",
         degree: int = 1,
         ridge: float = 1e-2,
         n_neighbors: int | None = 200,
         feature_scale: ArrayLike | str | None = "standard",
     ) -> None:
         self.bandwidth = bandwidth
-        self.bandwidth_type = bandwidth_type
         self.degree = degree
         self.ridge = ridge
         self.n_neighbors = n_neighbors
@@ -236,7 +232,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             feature_scale=np.array(self.feature_scale_, dtype=float),
             y=self.y_,
             bandwidth=self.bandwidth_,
-            adaptive=self.bandwidth_type == "adaptive",
             k=n if self.n_neighbors is None else min(int(self.n_neighbors), n),
             ridge=float(self.ridge),
             degree=int(self.degree),
@@ -247,7 +242,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         arrays: dict[str, NDArray[Any]] = {
             "bandwidth": np.array(self.bandwidth_),
-            "bandwidth_type": np.array(self.bandwidth_type),
+            "bandwidth_type": np.array("fixed"),
             "degree": np.array(int(self.degree)),
             "ridge": np.array(float(self.ridge)),
             "n_neighbors": np.array(-1 if self.n_neighbors is None else int(self.n_neighbors)),
@@ -275,7 +270,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         k, scale = int(arrays["n_neighbors"]), np.array(arrays["feature_scale"], dtype=float)
         self = cls(
             bandwidth=float(arrays["bandwidth"]),
-            bandwidth_type=str(arrays["bandwidth_type"]),
             degree=int(arrays["degree"]),
             ridge=float(arrays["ridge"]),
             n_neighbors=None if k < 0 else k,

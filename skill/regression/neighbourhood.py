@@ -81,9 +81,7 @@ class RegressionNumbers(NamedTuple):
         search: the samples.
         feature_scale: (d,).
         y: (n, p), outputs.
-        bandwidth: h of the kernel exp(-distance^2 / h^2); if ``adaptive``, h over the distance to the farthest
-            neighbour used.
-        adaptive: whether the bandwidth is relative to that distance.
+        bandwidth: h of the kernel exp(-distance^2 / h^2).
         k: largest number of neighbours, at most n.
         ridge: penalty of the squared slope.
         degree: 0 or 1.
@@ -93,7 +91,6 @@ class RegressionNumbers(NamedTuple):
     feature_scale: Array
     y: Array
     bandwidth: float
-    adaptive: bool
     k: int
     ridge: float
     degree: int
@@ -120,10 +117,6 @@ def neighbourhood(p: RegressionNumbers, query: Array, q: Array) -> tuple[Rows, A
         count = _add_nearest(s, query, K, k, taken, found, squares, count)
     found, squares = found[:count], squares[:count]
     h2 = p.bandwidth**2
-    if p.adaptive:
-        farthest = np.partition(squares, min(k, count) - 1)[min(k, count) - 1]
-        # If all neighbours coincide with the query, their weights are equal for any bandwidth.
-        h2 *= farthest if farthest > 0.0 else 1.0
     log_w = np.empty(count)
     for i in range(count):
         row, share = found[i], 0.0

@@ -40,10 +40,9 @@ def test_the_selected_bandwidth_is_better_than_one_on_a_surface_with_ridges():
     assert auto < 0.4 * one
 
 
-@pytest.mark.parametrize(("d", "kind"), [(14, "fixed"), (6, "adaptive")])
-def test_a_linear_function_with_noise_is_predicted_better_than_its_noise(d, kind):
-    dut = LWRegressor(bandwidth_type=kind).fit(*linear(600, d, 0, noise=0.2))
-    X, truth = linear(500, d, 1)
+def test_a_linear_function_with_noise_is_predicted_better_than_its_noise():
+    dut = LWRegressor().fit(*linear(600, 14, 0, noise=0.2))
+    X, truth = linear(500, 14, 1)
     assert relative_error(dut, X, truth) * truth.std() < 0.1
 
 
@@ -127,10 +126,10 @@ def test_the_best_bandwidth_may_lie_beyond_the_candidates():
 def test_candidates_are_multiples_of_the_median_radius(n, step, k):
     X = np.random.default_rng(0).normal(size=(n, 3))
     radii = [np.sort(np.linalg.norm(X - q, axis=1))[(n if k is None else k) - 1] for q in X[::step]]
-    multiples = 2.0 ** np.linspace(-3.0, 2.0, 12)
-    for kind, radius in (("fixed", np.median(radii)), ("adaptive", 1.0)):
-        dut = LWRegressor(1.0, feature_scale=None, n_neighbors=k, bandwidth_type=kind).fit(X, X[:, 0])
-        np.testing.assert_allclose(default_bandwidths(dut), radius * multiples, rtol=1e-12)
+    dut = LWRegressor(1.0, feature_scale=None, n_neighbors=k).fit(X, X[:, 0])
+    np.testing.assert_allclose(
+        default_bandwidths(dut), np.median(radii) * 2.0 ** np.linspace(-3.0, 2.0, 12), rtol=1e-12
+    )
 
 
 def test_candidates_go_on_in_both_directions_and_end():

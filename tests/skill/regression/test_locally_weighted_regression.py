@@ -29,9 +29,9 @@ def test_scikit_learn_checks(estimator, check):
     check(estimator)
 
 
-def plain(X, Y, q, h, ridge, weights=None):
+def plain(X, Y, q, h, ridge, weights):
     """The local model from its definition, by least squares with the roots of the weights."""
-    w = np.exp(-((X - q) ** 2).sum(1) / h**2) * (1.0 if weights is None else weights)
+    w = np.exp(-((X - q) ** 2).sum(1) / h**2) * weights
     Z = np.column_stack([np.ones(len(X)), X - q])
     d = X.shape[1]
     rows = np.vstack([np.sqrt(w)[:, None] * Z, np.sqrt(ridge) * np.eye(d + 1)[1:]])
@@ -41,11 +41,13 @@ def plain(X, Y, q, h, ridge, weights=None):
 
 @pytest.mark.parametrize("ridge", [0.0, 1e-2, 1.0])
 def test_the_prediction_is_the_weighted_least_squares_one(ridge):
+    rng = np.random.default_rng(4)
     X, Y = wavy()
-    queries = np.random.default_rng(1).uniform(-1, 1, (20, 3))
-    dut = LWRegressor(feature_scale=None, bandwidth=0.7, ridge=ridge, n_neighbors=None).fit(X, Y)
-    expected = np.array([plain(X, Y, q, 0.7, ridge) for q in queries])
-    np.testing.assert_allclose(dut.predict(queries), expected, rtol=0, atol=1e-12)
+    queries, weight = rng.uniform(-1, 1, (20, 3)), rng.uniform(0.1, 1.0, 400)
+    P, Q = 0.1 + 0.8 * rng.dirichlet([0.5] * 2, 400), 0.1 + 0.8 * rng.dirichlet([0.5] * 2, 20)
+    dut = LWRegressor(feature_scale=None, bandwidth=0.7, ridge=ridge, n_neighbors=None).fit(X, Y, P, weight)
+    expected = np.array([plain(X, Y, q, 0.7, ridge, weight * (P @ r)) for q, r in zip(queries, Q, strict=True)])
+    np.testing.assert_allclose(dut.predict(queries, Q), expected, rtol=0, atol=1e-12)
 
 
 def tricube_local_line(x, y, frac=2 / 3):
@@ -70,20 +72,13 @@ def test_known_answers_of_r_on_cars():
 
 
 @pytest.mark.parametrize("distance", [1e1, 1e8, 1e307])
-@pytest.mark.parametrize("kind", ["fixed", "adaptive"])
-@pytest.mark.parametrize("degree", [0, 1])
-def test_the_prediction_at_a_far_query_is_a_mean_of_the_outputs(distance, kind, degree):
+def test_the_prediction_at_a_far_query_is_a_mean_of_the_outputs(distance):
     X, Y = wavy()
-    bandwidth = 0.3 if kind == "fixed" else 1.0
-    dut = LWRegressor(bandwidth=bandwidth, bandwidth_type=kind, degree=degree, n_neighbors=50).fit(X, Y)
-    queries = np.full((2, 3), distance)
-    local = dut.predict_local(queries)
+    local = LWRegressor(bandwidth=0.3, n_neighbors=50).fit(X, Y).predict_local(np.full((2, 3), distance))
     for value in (local.mean, local.variance, *local.interval()):
         assert np.isfinite(value).all()
-    if kind == "fixed" or degree == 0:  # an adaptive kernel follows the query
-        assert np.all((local.mean >= Y.min(0) - 1e-9) & (local.mean <= Y.max(0) + 1e-9))
-    if kind == "fixed":
-        assert np.all(local.log_w_max < -100)
+    assert np.all((local.mean >= Y.min(0) - 1e-9) & (local.mean <= Y.max(0) + 1e-9))
+    assert np.all(local.log_w_max < -100)
 
 
 def test_the_variance_of_a_wide_local_line_is_that_of_ordinary_least_squares():
@@ -139,41 +134,10 @@ def test_the_variance_is_that_of_the_weighted_residuals(ridge, degree, bandwidth
     np.testing.assert_allclose(local.mean - lower, upper - local.mean, rtol=1e-6)
 
 
-def one_hot(labels, K):
-    return np.eye(K)[labels]
-
-
-def test_one_hot_memberships_are_a_regressor_for_each_state():
-    X, Y = wavy(600)
-    labels = np.random.default_rng(2).integers(0, 4, 600)
-    queries, state = X[:40] + 0.02, np.random.default_rng(3).integers(0, 4, 40)
-    dut = LWRegressor(feature_scale=None, bandwidth=0.5, n_neighbors=60).fit(X, Y, memberships=one_hot(labels, 4))
-    expected = np.empty((40, 2))
-    for k in range(4):
-        alone = LWRegressor(feature_scale=None, bandwidth=0.5, n_neighbors=60).fit(X[labels == k], Y[labels == k])
-        expected[state == k] = alone.predict(queries[state == k])
-    Q = one_hot(state, 4)
-    np.testing.assert_allclose(dut.predict(queries, Q), expected, atol=1e-12)
-
-
-def test_soft_memberships_multiply_the_kernel():
-    rng = np.random.default_rng(4)
-    X, Y = wavy(300)
-    P, Q = rng.dirichlet([0.5] * 3, 300), rng.dirichlet([0.5] * 3, 25)
-    queries = rng.uniform(-1, 1, (25, 3))
-    weight = rng.uniform(0.1, 1.0, 300)
-    dut = LWRegressor(feature_scale=None, bandwidth=0.6, n_neighbors=None).fit(
-        X, Y, memberships=P, sample_weight=weight
-    )
-    expected = [plain(X, Y, q, 0.6, 1e-2, weight * (P @ r)) for q, r in zip(queries, Q, strict=True)]
-    # Samples and states below the search's threshold are left out.
-    np.testing.assert_allclose(dut.predict(queries, Q), expected, atol=2e-3)
-
-
 @pytest.mark.parametrize("q", [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.2, 0.0, 0.0]])
 def test_a_state_without_samples_or_an_unknown_state_gives_a_kernel_mean(q):
     X, Y = wavy()
-    P = one_hot(np.arange(400) % 2, 3)
+    P = np.eye(3)[np.arange(400) % 2]
     dut = LWRegressor(bandwidth=0.5).fit(X, Y, memberships=P)
     local = dut.predict_local(X[:1], [q])
     assert np.isfinite(local.mean).all()
@@ -230,15 +194,14 @@ def test_other_errors_name_the_remedy():
     st.integers(1, 5),
     st.floats(1e-3, 1e3),
     st.sampled_from([0.0, 1e-8, 1e-2]),
-    st.sampled_from(["fixed", "adaptive"]),
     st.integers(0, 2**32 - 1),
 )
-def test_duplicates_constant_channels_and_few_samples_stay_finite(n, d, bandwidth, ridge, kind, seed):
+def test_duplicates_constant_channels_and_few_samples_stay_finite(n, d, bandwidth, ridge, seed):
     rng = np.random.default_rng(seed)
     X = rng.integers(0, 3, (n, d)).astype(float)  # many duplicates
     X[:, 0] = 1.0
     y = rng.normal(size=n)
-    dut = LWRegressor(bandwidth=bandwidth, ridge=ridge, bandwidth_type=kind, n_neighbors=10).fit(X, y)
+    dut = LWRegressor(bandwidth=bandwidth, ridge=ridge, n_neighbors=10).fit(X, y)
     queries = rng.normal(size=(5, d))
     local = dut.predict_local(queries)
     lower, upper = local.interval()
@@ -278,7 +241,7 @@ def test_support_between_groups_leaves_each_group_out(n_neighbors):
 @pytest.mark.parametrize(
     "change",
     [
-        *({"bandwidth": 0.0}, {"bandwidth_type": "wide"}, {"degree": 2}, {"ridge": -1e-9}),
+        *({"bandwidth": 0.0}, {"degree": 2}, {"ridge": -1e-9}),
         *({"n_neighbors": 0}, {"feature_scale": "large"}),
     ],
 )
@@ -353,7 +316,7 @@ def test_stored_arrays_restore_an_estimator_that_predicts_the_same_bits(tmp_path
     X, Y = wavy(30)
     P = np.random.default_rng(0).dirichlet([0.3] * 3, 30)
     frame = pd.DataFrame(X, columns=["a", "b", "c"])
-    for options in ({"n_neighbors": None}, {"n_neighbors": 7, "bandwidth_type": "adaptive", "degree": 0, "ridge": 0.5}):
+    for options in ({"n_neighbors": None}, {"n_neighbors": 7, "degree": 0, "ridge": 0.5}):
         dut = LWRegressor(feature_scale=None, bandwidth=0.3, **options)
         dut.fit(frame, Y[:, 0], memberships=P, sample_weight=np.linspace(0, 1, 30))
         np.savez(tmp_path / "regressor.npz", **dut.to_arrays())

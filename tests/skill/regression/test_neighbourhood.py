@@ -20,10 +20,9 @@ def found_among(X, P, weight, query, q, **settings):
     d=st.integers(1, 6),
     K=st.integers(1, 4),
     k=st.integers(1, 20),
-    kind=st.sampled_from(["fixed", "adaptive"]),
     seed=st.integers(0, 10_000),
 )
-def test_a_neighbourhood_has_the_samples_of_greatest_weight_among_the_nearest_of_each_state(n, d, K, k, kind, seed):
+def test_a_neighbourhood_has_the_samples_of_greatest_weight_among_the_nearest_of_each_state(n, d, K, k, seed):
     rng = np.random.default_rng(seed)
     X = rng.normal(size=(n, d)) * rng.uniform(0.01, 100, d) + 1e3
     P, q = rng.dirichlet(np.full(K, 0.1), n), rng.dirichlet(np.full(K, 0.2)) * rng.choice([1.0, 1e-3])
@@ -34,17 +33,11 @@ def test_a_neighbourhood_has_the_samples_of_greatest_weight_among_the_nearest_of
     rows = np.unique(np.concatenate(nearest))
     if not rows.size:  # no sample may be in a state of the query
         rows = np.sort(np.argsort(squares)[:k])
-    farthest = np.sort(squares[rows])[min(k, len(rows)) - 1] if kind == "adaptive" else 1.0
-    log_w = -squares[rows] / (0.49 * farthest) + np.log(P[rows] @ q) + np.log(weight[rows])
+    log_w = -squares[rows] / 0.49 + np.log(P[rows] @ q) + np.log(weight[rows])
     kept = np.sort(np.argsort(-log_w)[:k])
-    found, log_found = found_among(X, P, weight, query, q, bandwidth=0.7, bandwidth_type=kind, n_neighbors=k)
+    found, log_found = found_among(X, P, weight, query, q, bandwidth=0.7, n_neighbors=k)
     np.testing.assert_array_equal(found, rows[kept])
     np.testing.assert_allclose(log_found, log_w[kept], rtol=1e-9, atol=1e-9)
-
-
-def test_samples_that_coincide_with_the_query_have_equal_weights_for_an_adaptive_kernel():
-    _, log_w = found_among(np.zeros((4, 1)), None, None, np.zeros(1), np.ones(1), bandwidth_type="adaptive")
-    np.testing.assert_array_equal(log_w, 0.0)
 
 
 def test_samples_without_a_shared_state_have_the_minimum_share():
