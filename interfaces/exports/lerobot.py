@@ -1,7 +1,7 @@
 """Writes data sets of LeRobot, version 3.0, with PyArrow alone, and makes the recordings in them again.
 
 The format: `meta/info.json` describes the features; `data/chunk-000/file-000.parquet` and so on hold their frames, one
-row group an episode; `meta/episodes` has a row an episode, `meta/tasks.parquet` the tasks, and `meta/stats.json` the
+file an episode; `meta/episodes` has a row an episode, `meta/tasks.parquet` the tasks, and `meta/stats.json` the
 statistics. `meta/haptic_skill.json` and the columns ``haptic_skill/...`` of the episodes are this project's: they say
 what is needed to make the recordings again. For that only the feature ``recording``, in 64 bits, and the headers of the
 episodes are read: what another program changes in the other features does not come back.
@@ -86,8 +86,7 @@ class LeRobotWriter:
         self._schema = pa.schema([(key, _arrow_type(feature)) for key, feature in self._features.items()])
         self._rows: list[dict[str, Any]] = []
         self._statistics: dict[str, list[Statistics]] = {key: [] for key in self._features}
-        self._frames = self._file = self._size = 0
-        self._writer: pq.ParquetWriter | None = None
+        self._frames = 0
 
     def add(self, episode: Episode) -> None:
         """Writes the frames of an episode.
@@ -106,7 +105,8 @@ class LeRobotWriter:
             "task_index": np.zeros(length, dtype=np.int64),
         }
         table = pa.Table.from_arrays([_arrow_array(columns[f.name], f.type) for f in self._schema], schema=self._schema)
-        chunk, file = self._write(table)
+        chunk, file = divmod(number, CHUNK_FILES)
+        self._write_table(DATA_PATH.format(chunk_index=chunk, file_index=file), table)
         row = {
             "episode_index": number,
             "tasks": [TASK],
@@ -134,11 +134,7 @@ class LeRobotWriter:
         Raises:
             OSError: if they cannot be written.
         """
-        if self._writer is not None:
-            self._writer.close()
-        episodes = self._folder / "meta" / "episodes" / "chunk-000"
-        episodes.mkdir(parents=True)
-        pq.write_table(pa.Table.from_pylist(self._rows), episodes / "file-000.parquet", write_page_checksum=True)
+        self._write_table("meta/episodes/chunk-000/file-000.parquet", pa.Table.from_pylist(self._rows))
         tasks = pd.DataFrame({"task_index": [0]}, index=pd.Index([TASK], name="task"))
         tasks.to_parquet(self._folder / "meta" / "tasks.parquet")
         joined = {key: joined_statistics(parts) for key, parts in self._statistics.items()}
@@ -154,19 +150,10 @@ class LeRobotWriter:
         content = {"format_version": ABOUT_VERSION, **about, "features": described, "files": [*files, ABOUT]}
         self._write_json(ABOUT, content)
 
-    def _write(self, table: pa.Table) -> tuple[int, int]:
-        """Appends a row group to the present file, or to the next one if that is full; returns chunk and file."""
-        if self._writer is not None and self._size + table.nbytes > FILE_MEGABYTES * 2**20:
-            self._writer.close()
-            self._writer, self._size, self._file = None, 0, self._file + 1
-        chunk, file = divmod(self._file, CHUNK_FILES)
-        if self._writer is None:
-            path = self._folder / DATA_PATH.format(chunk_index=chunk, file_index=file)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._writer = pq.ParquetWriter(path, self._schema, write_page_checksum=True)
-        self._writer.write_table(table, row_group_size=len(table))
-        self._size += table.nbytes
-        return chunk, file
+    def _write_table(self, name: str, table: pa.Table) -> None:
+        path = self._folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        pq.write_table(table, path, row_group_size=max(1, len(table)), write_page_checksum=True)
 
     def _info(self) -> dict[str, Any]:
         return {

@@ -37,7 +37,7 @@ def test_lerobot_loads_the_frames_and_windows_of_actions(dataset, monkeypatch, t
 
     windows = {"action": [0.0, 0.02, 0.04]}
     found = LeRobotDataset("local/exported", root=dataset, delta_timestamps=windows)
-    frames = pq.read_table(dataset / "data/chunk-000/file-000.parquet").to_pydict()
+    frames = pq.read_table(dataset / "data").to_pydict()
     assert (len(found), found.num_episodes, found.fps) == (len(frames["index"]), 3, 50)
     for k in (0, 57, len(found) - 1):
         item = found[k]
