@@ -1,5 +1,8 @@
+import socket
+
 import numpy as np
 import pytest
+import yaml
 
 from experiments.corrections import LIFT
 from experiments.demonstration_set import attempt_seed
@@ -7,6 +10,7 @@ from interfaces.live.session import asked_scenario, live_scenario
 from models.scenario import DEMONSTRATION_STREAM, Scenario, load_scenario, parse_scenario, resolve_scenario
 from skill.policy.query_state import QueryState
 from systems.servo.multirate_margins import require_multirate_margins
+from tests.scripts.commands import error_line, invoke
 
 
 def live_starts(seeds, numbers):
@@ -27,12 +31,6 @@ def test_live_and_simulated_demonstrations_share_no_draw():
     live = live_starts((0, 1), range(10))
     assert {value for s in simulated for value in draws(s)}.isdisjoint({value for s in live for value in draws(s)})
     assert {s.seed for s in simulated}.isdisjoint({s.seed for s in live})
-
-
-def test_every_live_demonstration_has_its_own_start():
-    starts = [tuple(s.start.tilt) for s in live_starts(range(4), range(50))]
-    assert len(set(starts)) == len(starts)
-    assert draws(live_scenario(Scenario(), seed=1, number=2)) == draws(live_scenario(Scenario(), seed=1, number=2))
 
 
 def test_live_demonstrations_use_the_wide_ranges_of_demonstrations():
@@ -77,3 +75,21 @@ def test_a_person_can_demonstrate_with_a_peg_of_any_size(sizes, engine):
     scenario = parse_scenario(f"geometry: {{{text}}}", "mine", engine=engine, defaults=device)
     assert scenario.recorder.time_limit >= device.recorder.time_limit
     assert all(margin.value < margin.limit for margin in require_multirate_margins(scenario) if margin.required)
+
+
+def test_options_of_the_live_session_need_it(tmp_path):
+    result = invoke("record", "--out", tmp_path / "out", "--asked", "asked.json")
+    assert result.exit_code == 2
+    assert "--driver, --host, --port, --asked and --observer need --live" in result.stderr
+
+
+def test_an_unstable_scenario_leaves_no_page_and_no_folder_behind(tmp_path):
+    path = tmp_path / "stiff.yaml"
+    path.write_text(yaml.safe_dump({"coupling": {"stiffness": 1e9}}))
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    result = invoke("record", "--live", "--out", tmp_path / "out", "--scenario", path, "--port", port)
+    assert "stiffness" in error_line(result) or "coupling" in error_line(result)
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", port))

@@ -1,13 +1,8 @@
 import re
 from dataclasses import replace
-from functools import partial
 
-from experiments.outputs.output_set import RUNS, SetIndex, open_set
 from interfaces.reports.trials_page import trials_page
-from scripts.rig import write_report
 from skill.data.outcome import Outcome
-from skill.data.rig_run import write_rig_run
-from tests.trajectories import make_rig_run
 from tests.trial_results import PLAIN
 
 FAILED = replace(PLAIN, seed=4, outcome=Outcome.TIME_OVER, time=10.0, depth=0.011, peak_load=5.0)
@@ -53,13 +48,3 @@ def test_text_of_users_is_shown_as_text():
     assert "&lt;b&gt;&quot;x&quot; &amp; y&lt;/b&gt;" in page
     assert "<dt>$rows</dt><dd>&lt;i&gt; 100 $</dd>" in page
     assert ">a: &lt;b&gt; $title</pre>" in page
-
-
-def test_a_report_links_the_replays_beside_it(tmp_path):
-    index = SetIndex(RUNS, {}, tuple(f"run_{r.seed:04d}.parquet" for r in RESULTS), ("report.html",))
-    with open_set(tmp_path, index, overwrite=False) as runs:
-        for name in index.files:
-            runs.write(name, partial(write_rig_run, make_rig_run()))
-        write_report(runs, RESULTS, made_by={}, scenario="seed: 0")
-    assert cells_of((tmp_path / "report.html").read_text())[0][0] == '<a href="replay_0004.html">4</a>'
-    assert "<title>trial 4</title>" in (tmp_path / "replay_0004.html").read_text()[:500]
