@@ -5,13 +5,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import EventStatus
 
 from experiments.trial.diagram_trial import run_rig
 from models.scenario import FREE_FACETS, TRIAL_STREAM, load_scenario, resolve_scenario
-from skill.data.rig_run import LOGGED_COLUMNS
 from systems.rig import MakeRig
-from tests.diagrams import state_of, unconnected_inputs, unused_plant_inputs
+from tests.diagrams import unconnected_inputs, unused_plant_inputs
 
 NOT_CONNECTED = unused_plant_inputs() | {
     ("plant", name) for name in ("applied_spatial_force", "gimbal_actuation", "mount_actuation", "feed_desired_state")
@@ -53,68 +51,6 @@ def test_the_hole_starts_at_the_opposite_of_the_pegs_tilt(resolved, skill):
     axis = (X_WH.inverse() @ X_WP).rotation().col(2)
     theta = np.array(resolved.start.tilt)
     np.testing.assert_allclose(axis[:2], [theta[1], -theta[0]], atol=np.linalg.norm(theta) ** 3)
-
-
-@pytest.mark.slow
-def test_two_interleaved_contexts_are_independent(resolved, skill):
-    rig = MakeRig(resolved, skill)
-    steps = np.arange(1, 7) * 0.03
-    alone = started(rig)
-    for t in steps:
-        alone.AdvanceTo(t)
-    first, second = started(rig), started(rig)
-    plant = rig.plant.plant
-    plant.GetJointByName("pitch").set_angle(
-        plant.GetMyMutableContextFromRoot(second.get_mutable_context()), -resolved.start.tilt[0] + 1e-3
-    )
-    for t in steps:
-        first.AdvanceTo(t)
-        second.AdvanceTo(t)
-    np.testing.assert_array_equal(state_of(first), state_of(alone))
-    assert not np.array_equal(state_of(second), state_of(alone))
-
-
-@pytest.mark.slow
-def test_the_log_agrees_with_the_state_of_the_plant(resolved, skill):
-    rig = MakeRig(resolved, skill)
-    simulator = started(rig)
-    plant, peg = rig.plant.plant, rig.plant.peg
-    period, sensor = resolved.controller.period, resolved.sensor
-    block = plant.GetCollisionGeometriesForBody(rig.plant.block)[0]
-    rows = []
-
-    def record(context):
-        own = plant.GetMyContextFromRoot(context)
-        force = np.zeros(3)
-        results = plant.get_contact_results_output_port().Eval(own)
-        for k in range(results.num_hydroelastic_contacts()):
-            info = results.hydroelastic_contact_info(k)
-            sign = 1.0 if info.contact_surface().id_M() != block else -1.0  # the contact force acts on body M
-            force += sign * info.F_Ac_W().translational()
-        angles = [plant.GetJointByName(name).get_angle(own) for name in ("pitch", "yaw")]
-        rows.append([context.get_time(), peg.EvalPoseInWorld(own).translation()[2], *angles, *force])
-        return EventStatus.DidNothing()
-
-    simulator.set_monitor(record)
-    simulator.AdvanceTo(0.5)
-    logged = rig.recorder.samples(simulator.get_context())
-    assert tuple(logged.columns) == LOGGED_COLUMNS
-    own = np.array(rows)
-    at = [int(np.argmin(np.abs(own[:, 0] - t))) for t in logged["time"][1:]]
-    np.testing.assert_allclose(own[at, 0], logged["time"][1:], atol=1e-9)
-    np.testing.assert_allclose(np.diff(logged["time"]), period, atol=1e-9)
-    np.testing.assert_allclose(logged["tip_z"][1:], own[at, 1], atol=1e-12)
-    np.testing.assert_allclose(logged[["pitch", "yaw"]][1:], own[at, 2:4], atol=1e-12)
-    resolution = resolved.rig.encoder_resolution
-    assert np.abs(logged["depth"] + logged["tip_z"]).max() <= resolution / 2 * (1 + 1e-6)
-    # The sensor has bias, noise and quanta, and its low-pass has a delay of a few milliseconds.
-    contact = np.array([own[max(k - 10, 0) : k + 1, 4:].mean(axis=0) for k in at])
-    error = logged[["fx", "fy", "fz"]].to_numpy()[1:] - contact
-    assert np.linalg.norm(contact, axis=1).max() > 1.0
-    allowed = 5 * (sensor.force_bias + max(sensor.force_noise)) + sensor.force_quantum
-    assert np.median(np.linalg.norm(error, axis=1)) < allowed
-    # A stiff contact has impulses of single steps, which the low-pass spreads.
-    assert np.corrcoef(logged["fz"][1:], contact[:, 2])[0, 1] > 0.85
 
 
 def test_the_rig_runs_with_every_key_changed(quick_scenario, skill):

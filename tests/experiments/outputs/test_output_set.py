@@ -1,10 +1,6 @@
 """Folders of one request: continued, protected, and replaced as a whole."""
 
 import json
-import shutil
-import signal
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,7 +21,7 @@ from experiments.outputs.output_set import (
 from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import write_rig_run
 from tests.experiments.outputs.sets import NAMES, index_of, make_set, write_item
-from tests.scripts.commands import ROOT, files
+from tests.scripts.commands import files
 from tests.trajectories import make_demonstration, make_rig_run
 
 WHOLE = sorted([*NAMES, "demonstrations.png", "index.json"])
@@ -92,47 +88,6 @@ def test_a_complete_set_is_made_anew_only_on_request(tmp_path):
     assert [(tmp_path / name).stat().st_mtime_ns for name in NAMES] == times
     make_set(tmp_path, 1, overwrite=True)
     assert [(tmp_path / name).stat().st_mtime_ns for name in NAMES] != times
-
-
-@pytest.mark.nightly
-@pytest.mark.slow
-def test_a_killed_replacement_leaves_the_whole_old_or_the_whole_new_set(tmp_path):
-    """A process is killed at each of its changes of the folder in turn, until it survives."""
-    code = """
-import os, signal, sys
-from pathlib import Path
-import experiments.outputs.output_set
-from tests.experiments.outputs.sets import make_set, NAMES
-left = int(sys.argv[2])
-
-def watch(event, arguments):
-    global left
-    if event in ("os.rename", "os.remove", "os.rmdir", "shutil.rmtree") and str(arguments[0]).startswith(sys.argv[1]):
-        left -= 1
-        if left < 0:
-            os.kill(os.getpid(), signal.SIGKILL)
-
-sys.addaudithook(watch)
-make_set(Path(sys.argv[1]), 2, NAMES[:2], overwrite=True)
-"""
-    folder, outcomes = tmp_path / "set", set()
-    make_set(folder, 1)
-    for moment in range(1, 40):
-        copy = tmp_path / f"set{moment}"
-        shutil.copytree(folder, copy)
-        done = subprocess.run([sys.executable, "-c", code, str(copy), str(moment)], cwd=ROOT, check=False)
-        assert done.returncode in (0, -signal.SIGKILL)
-        found, _ = find_recordings(copy)
-        assert [path.name for path in found] in ([*NAMES], [*NAMES[:2]])
-        outcome = [read_demonstration(path).metadata["seed"] for path in found]
-        assert outcome in ([1, 1, 1], [2, 2])
-        make_set(copy, 2, NAMES[:2], overwrite=outcome != [2, 2])
-        assert files(copy) == sorted(["demonstrations.png", "index.json", *NAMES[:2]])
-        assert seeds(copy, NAMES[:2]) == [2, 2]
-        outcomes.add((done.returncode, len(outcome)))
-        if done.returncode == 0:
-            break
-    assert outcomes == {(-signal.SIGKILL, 3), (-signal.SIGKILL, 2), (0, 2)}
 
 
 def test_results_never_stand_beside_the_runs_of_another_set(tmp_path, monkeypatch):

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from experiments.exact_states import exact_bodies
 from experiments.trial.penetration import deepest_overlap
 from models.scenario import Geometry
 
@@ -37,12 +36,3 @@ def test_a_tilt_up_to_almost_45_degrees_is_evaluated(degrees):
     R_HP = Rotation.from_rotvec([0.0, tilt, 0.0]).as_matrix()
     overlap = deepest_overlap(G, [[0.0, 0.0, -G.hole_depth - 1e-3]], [R_HP])
     assert (overlap > 1e-3) == (abs(degrees) < 45.0)
-
-
-def test_a_demonstration_reports_its_overlap(demonstrations):
-    for demonstration in demonstrations:
-        s = demonstration.samples
-        R_HP = Rotation.from_rotvec(s[["ax", "ay", "az"]].to_numpy() * s[["angle"]].to_numpy()).as_matrix()
-        overlap = -exact_bodies(demonstration).gap(s[["x", "y", "z"]].to_numpy(), R_HP).min()
-        assert overlap > 0.0  # all of them touch
-        assert demonstration.metadata["penetration_um"] == pytest.approx(1e6 * overlap, abs=0.051)

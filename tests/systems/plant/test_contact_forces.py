@@ -6,7 +6,6 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from benchmarks.physics.contact_measurements import PegTheory
 from benchmarks.physics.contact_probe import AXES, ContactProbe, PlanarPose
-from models.contact_theory import two_point_tilt
 from skill.data.rig_run import ContactPlace
 from systems.plant.contact_forces import NormalForces, hydroelastic_forces, single_contacts
 
@@ -79,10 +78,6 @@ class Probed:
             dissipation=self.scenario.contact.dissipation,
         )
 
-    def contacts(self):
-        chamfer = self.scenario.geometry.chamfer
-        return single_contacts(self.parts(), RigidTransform(), self.peg.EvalPoseInWorld(self.context), chamfer=chamfer)
-
     def net_force(self):
         """Force of the contact on the peg in W, N, as Drake reports it."""
         results = self.probe.plant.get_contact_results_output_port().Eval(self.context)
@@ -98,35 +93,6 @@ def stiff(quick_scenario):
     quick_scenario.contact.modulus, quick_scenario.contact.time_step = 1e11, 5e-4
     quick_scenario.contact.friction = 1e-9
     return quick_scenario
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("lateral", "moment"), [(0.0, 0.06), (2.0, 0.06), (-1.0, 0.04)])
-def test_a_wedge_has_the_two_forces_that_statics_gives(stiff, lateral, moment):
-    """A tilted peg at the depth l, held at its height, without friction, under a force F and a moment M at its tip.
-
-    Moments about the tip: the mouth carries M / l. Lateral forces: the tip carries M / l - F. For F = 0 the net force
-    is zero while each contact carries 5 N.
-    """
-    depth = 0.010
-    stiff.geometry.hole_depth, stiff.geometry.peg_length = 0.025, 0.04
-    sizes = PegTheory.of(stiff)
-    probed = Probed(stiff, mass=0.15, inertia=3e-5, damping=(5.0, 400.0, 0.01))
-    tilt = two_point_tilt(depth, peg_radius=sizes.r, hole_radius=sizes.R)
-    probed.probe.hold("z")
-    probed.probe.place(sizes.two_point_pose(tilt, depth))
-    probed.probe.load(lateral, 0.0, moment)
-    probed.probe.step(200)
-    found = {contact.place: contact for contact in probed.contacts()}
-    assert set(found) == {ContactPlace.MOUTH, ContactPlace.TIP}
-    lever = moment / depth
-    assert found[ContactPlace.MOUTH].force == pytest.approx(lever, rel=0.02)
-    assert found[ContactPlace.TIP].force == pytest.approx(lever - lateral, rel=0.02)
-    # The mouth pushes the peg back towards -x, the tip is pushed to +x, each at its height.
-    assert found[ContactPlace.MOUTH].normal[0] < -0.99
-    assert found[ContactPlace.TIP].normal[0] > 0.99
-    np.testing.assert_allclose(found[ContactPlace.MOUTH].point, [sizes.R, 0.0, sizes.mouth], atol=5e-4)
-    np.testing.assert_allclose(found[ContactPlace.TIP].point, [-sizes.R, 0.0, sizes.mouth - depth], atol=5e-4)
 
 
 @pytest.mark.parametrize("approximation", ["lagged", "similar"])

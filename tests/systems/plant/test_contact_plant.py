@@ -7,7 +7,6 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ContactModel
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
 
 from experiments.trial.trial_set import trial_scenario
 from models.scenario import Geometry, Scenario
@@ -20,8 +19,7 @@ from systems.plant.contact_plant import (
     NominalBodies,
     peg_shape,
 )
-
-G = 9.81
+from tests.systems.plant.engine_bench import Bench, hanging_weight
 
 
 @pytest.fixture
@@ -30,106 +28,66 @@ def scenario(quick_scenario):
     return quick_scenario
 
 
-class Bench:
-    """The rig's plant with constant loads.
-
-    The feed holds all that the screw carries; the loads are on the mount (N).
-    """
-
-    def __init__(self, scenario, *, lateral=(0.0, 0.0)):
-        builder = DiagramBuilder()
-        self.contact = AddRigPlant(builder, scenario)
-        self.scenario, self.plant = scenario, self.contact.plant
-        plant = self.plant
-        feed, gimbal = plant.GetModelInstanceByName("feed"), plant.GetModelInstanceByName("gimbal")
-        force = builder.AddSystem(ConstantVectorSource([self.hanging]))
-        builder.Connect(force.get_output_port(), plant.get_actuation_input_port(feed))
-        rest = builder.AddSystem(ConstantVectorSource(np.zeros(4)))
-        builder.Connect(rest.get_output_port(), plant.get_desired_state_input_port(gimbal))
-        applied = np.zeros(plant.num_velocities())
-        for name, load in zip(("mount_x", "mount_y"), lateral, strict=True):
-            applied[plant.GetJointByName(name).velocity_start()] = load
-        loads = builder.AddSystem(ConstantVectorSource(applied))
-        builder.Connect(loads.get_output_port(), plant.get_applied_generalized_force_input_port())
-        self.simulator = Simulator(builder.Build())
-
-    def settle(self, *, tip_z, seconds):
-        root = self.simulator.get_mutable_context()
-        own = self.plant.GetMyMutableContextFromRoot(root)
-        self.plant.GetJointByName("feed").set_translation(own, self.scenario.sensor.height + tip_z)
-        self.simulator.AdvanceTo(seconds)
-        return own
-
-    @property
-    def hanging(self):
-        """Weight of all bodies that the screw carries, N."""
-        instances = [self.plant.GetModelInstanceByName(name) for name in ("feed", "mount")]
-        bodies = [self.plant.get_body(b) for i in instances for b in self.plant.GetBodyIndices(i)]
-        return G * sum(body.default_mass() for body in bodies)
-
-
 # rig
+
+
+def bench_of(scenario):
+    """A bench whose feed holds all that the screw carries, its plant, and the context of the plant."""
+    scenario.contact.engine = "drake"
+    bench = Bench(scenario, force=hanging_weight(scenario)).start(tip_z=0.02)
+    plant = bench.plant.plant
+    return bench, plant, plant.GetMyMutableContextFromRoot(bench.simulator.get_mutable_context())
 
 
 def test_the_block_is_an_aluminium_cylinder_from_below_the_floor_to_the_mouth(scenario):
     """12 mm of hole and 10 mm of floor, 30 mm in radius, 2700 kg/m^3: 0.16795 kg, and its centre is 11 mm deep.
 
     About the mouth: m r^2/2 = 7.558e-5 kg m^2 along z, m (r^2/4 + h^2/3) = 6.488e-5 kg m^2 across.
+    The peg has 40 mm of steel, 10 mm in radius: 0.09865 kg.
     """
-    bench = Bench(scenario)
-    own = bench.plant.GetMyContextFromRoot(bench.simulator.get_context())
-    inertia = bench.contact.block.CalcSpatialInertiaInBodyFrame(own)
+    rig = AddRigPlant(DiagramBuilder(), scenario)
+    inertia = rig.block.default_spatial_inertia()
     assert inertia.get_mass() == pytest.approx(0.16795, rel=1e-4)
     np.testing.assert_allclose(inertia.get_com(), [0.0, 0.0, -0.011], atol=1e-15)
     moments = inertia.CalcRotationalInertia().get_moments()
     np.testing.assert_allclose(moments, [6.488e-5, 6.488e-5, 7.558e-5], rtol=1e-3)
-
-
-def test_the_peg_is_balanced_halfway_along_its_length(scenario):
-    """40 mm of steel, 10 mm in radius: 0.09865 kg."""
-    peg = Bench(scenario).contact.peg
-    assert peg.default_mass() == pytest.approx(0.09865, rel=1e-4)
-    np.testing.assert_allclose(peg.default_com(), [0.0, 0.0, 0.020], atol=1e-15)
+    assert rig.peg.default_mass() == pytest.approx(0.09865, rel=1e-4)
+    np.testing.assert_allclose(rig.peg.default_com(), [0.0, 0.0, 0.020], atol=1e-15)
 
 
 @pytest.mark.parametrize(("axis", "name", "force"), [(0, "mount_x", -30.0), (1, "mount_y", 100.0)])
 def test_a_lateral_force_deflects_the_mount_by_5_micrometres_per_newton(scenario, axis, name, force):
     """The default mount has 200 N/mm."""
-    lateral = [0.0, 0.0]
-    lateral[axis] = force
-    bench = Bench(scenario, lateral=lateral)
-    own = bench.settle(tip_z=0.02, seconds=0.3)
-    assert bench.plant.GetJointByName(name).get_translation(own) == pytest.approx(5e-6 * force, rel=1e-3)
-    assert bench.contact.peg.EvalPoseInWorld(own).translation()[axis] == pytest.approx(5e-6 * force, rel=1e-3)
+    bench, plant, own = bench_of(scenario)
+    loads = np.zeros(plant.num_velocities())
+    loads[plant.GetJointByName(name).velocity_start()] = force
+    plant.get_applied_generalized_force_input_port().FixValue(own, loads)
+    bench.advance(0.3)
+    assert bench.plant.peg.EvalPoseInWorld(own).translation()[axis] == pytest.approx(5e-6 * force, rel=1e-3)
 
 
 def test_a_released_mount_vibrates_at_its_frequency_and_decays_with_its_damping(scenario):
     """m x'' + B x' + K x = 0 with m the slide and the peg: exp(-B t/2m) (cos w_d t + B/(2 m w_d) sin w_d t)."""
     scenario.contact.time_step = 1e-5
-    bench = Bench(scenario)
-    plant = bench.plant
-    own = plant.GetMyMutableContextFromRoot(bench.simulator.get_mutable_context())
-    plant.GetJointByName("mount_y").set_translation(own, 1e-4)
+    bench, plant, own = bench_of(scenario)
+    joint = plant.GetJointByName("mount_y")
+    joint.set_translation(own, 1e-4)
     mass = MOUNT_MASS + plant.GetBodyByName("peg").default_mass()
     decay = 100.0 / (2.0 * mass)  # in units of 1/s; the default damping is 100 N s/m
     w = math.sqrt(2.0e5 / mass - decay**2)
     for t in np.arange(1, 9) * 0.5e-3:
-        bench.settle(tip_z=0.05, seconds=t)
+        bench.advance(0.5e-3)
         expected = 1e-4 * math.exp(-decay * t) * (math.cos(w * t) + decay / w * math.sin(w * t))
-        assert plant.GetJointByName("mount_y").get_translation(own) == pytest.approx(expected, abs=2e-6)
+        assert joint.get_translation(own) == pytest.approx(expected, abs=2e-6)
 
 
 def test_a_coasting_carriage_slows_down_by_its_viscous_friction(scenario):
     """(m + I N^2) v' = -b v: with b = 5 N s/m and 2.58 kg, the speed falls to 1/e in 0.52 s."""
-    bench = Bench(scenario)
-    plant = bench.plant
-    own = plant.GetMyMutableContextFromRoot(bench.simulator.get_mutable_context())
+    bench, plant, own = bench_of(scenario)
     joint = plant.GetJointByName("feed")
     joint.set_translation_rate(own, 0.05)
-    bench.settle(tip_z=0.02, seconds=0.5)
-    inertia = bench.hanging / G + scenario.feed.rotor_inertia * scenario.feed.ratio**2
-    assert inertia == pytest.approx(2.58, abs=0.01)
-    assert joint.get_translation_rate(own) == pytest.approx(0.05 * math.exp(-5.0 * 0.5 / inertia), rel=5e-3)
+    bench.advance(0.5)
+    assert joint.get_translation_rate(own) == pytest.approx(0.05 * math.exp(-5.0 * 0.5 / 2.58), rel=5e-3)
 
 
 # virtual environment
