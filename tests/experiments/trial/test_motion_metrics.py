@@ -28,13 +28,6 @@ def test_a_trial_without_a_step_has_zeros():
     assert figures_of([[0, 0, 1e-3]]).path_length == 0.0
 
 
-def test_a_cubic_has_its_constant_jerk():
-    """x = 40 t^3 / 6 along (3, 4, 0)/5: 40 m/s^3, once it is faster than 10 mm/s."""
-    t = STEP * np.arange(200)
-    tips = np.outer(40.0 * t**3 / 6.0 + 0.05 * t, [0.6, 0.8, 0.0])
-    assert mean_jerk(tips, STEP) == pytest.approx(40.0, rel=1e-9)
-
-
 def test_a_steady_motion_and_a_slow_one_have_no_jerk():
     t = STEP * np.arange(200)
     assert mean_jerk(np.outer(0.02 * t, [0, 0, -1.0]), STEP) == pytest.approx(0.0, abs=1e-6)

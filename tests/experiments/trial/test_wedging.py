@@ -40,31 +40,27 @@ def test_nothing_wedges_where_the_theory_has_no_wedge():
     assert not any(is_wedged(two_point_contacts(tilt), 0.09) for tilt in np.linspace(0.001, 0.09, 50))
 
 
-def test_both_contacts_of_a_wedge_press():
-    tilt = math.radians(3.0)
-    assert is_wedged(two_point_contacts(tilt, WEDGE_FORCE, WEDGE_FORCE), 0.3)
-    assert not is_wedged(two_point_contacts(tilt, 100.0, 0.99 * WEDGE_FORCE), 0.3)
-    assert not is_wedged(two_point_contacts(tilt, 0.99 * WEDGE_FORCE, 100.0), 0.3)
-    assert not is_wedged(two_point_contacts(tilt)[:1], 0.3)
-    assert not is_wedged([], 0.3)
+TIP, MOUTH = two_point_contacts(math.radians(3.0))
+APART = [Contact(c.place, c.point, -c.normal, c.force) for c in (TIP, MOUTH)]
+FACE = Contact(ContactPlace.FACE, np.zeros(3), np.array([0.0, 0.0, 1.0]), 50.0)
 
 
-def test_a_wedge_is_found_among_other_contacts():
-    face = Contact(ContactPlace.FACE, np.zeros(3), np.array([0.0, 0.0, 1.0]), 50.0)
-    assert is_wedged([face, *two_point_contacts(math.radians(3.0))], 0.3)
-
-
-def test_contacts_on_the_same_side_or_at_the_same_point_are_no_wedge():
-    tip, mouth = two_point_contacts(math.radians(3.0))
-    same_side = Contact(ContactPlace.MOUTH, mouth.point, tip.normal, 10.0)
-    assert not is_wedged([tip, same_side], 0.3)
-    assert not is_wedged([tip, Contact(ContactPlace.MOUTH, tip.point, -tip.normal, 10.0)], 0.3)
-
-
-def test_two_contacts_that_push_apart_are_no_wedge():
-    tip, mouth = two_point_contacts(math.radians(3.0))
-    swapped = [Contact(c.place, c.point, -c.normal, c.force) for c in (tip, mouth)]
-    assert not is_wedged(swapped, 0.3)
+@pytest.mark.parametrize(
+    ("contacts", "wedged"),
+    [
+        ([FACE, TIP, MOUTH], True),
+        (two_point_contacts(math.radians(3.0), WEDGE_FORCE, WEDGE_FORCE), True),
+        (two_point_contacts(math.radians(3.0), 100.0, 0.99 * WEDGE_FORCE), False),
+        (two_point_contacts(math.radians(3.0), 0.99 * WEDGE_FORCE, 100.0), False),
+        ([TIP], False),
+        ([], False),
+        ([TIP, Contact(ContactPlace.MOUTH, MOUTH.point, TIP.normal, 10.0)], False),  # on the same side
+        ([TIP, Contact(ContactPlace.MOUTH, TIP.point, -TIP.normal, 10.0)], False),  # at the same point
+        (APART, False),
+    ],
+)
+def test_a_wedge_has_two_contacts_that_press_towards_each_other(contacts, wedged):
+    assert is_wedged(contacts, 0.3) == wedged
 
 
 def test_only_wedges_of_a_tenth_of_a_second_count():

@@ -6,8 +6,6 @@ The tests replace hardware or skill by a faulty one (`tests.systems.faulty_hardw
 import numpy as np
 import pytest
 
-from experiments.trial import diagram_trial as trial_module
-from experiments.trial.diagram_trial import TrialMonitor
 from experiments.trial.run_trial import run_trial, run_trials
 from experiments.trial.trial_set import trial_scenario
 from models.scenario import validate_scenario
@@ -29,19 +27,6 @@ def scenario(quick_scenario):
     quick_scenario.start.height = 2e-4
     quick_scenario.trial.time_limit = 2.5
     return trial_scenario(quick_scenario, number=7)
-
-
-class LockedMonitor(TrialMonitor):
-    """Locks the feed at `BEGIN`."""
-
-    def __call__(self, context):
-        if context.get_time() >= BEGIN - 1e-9:
-            plant = self._rig.plant.plant
-            joint = plant.GetJointByName("feed")
-            own = plant.GetMyMutableContextFromRoot(context)
-            if not joint.is_locked(own):
-                joint.Lock(own)
-        return super().__call__(context)
 
 
 class RaisingSkill(ManipulationSkill):
@@ -114,15 +99,6 @@ def test_a_sound_sensor_of_any_setting_raises_no_alarm(scenario, skill, section,
     _, run = run_trial(scenario, skill, seed=7)
     assert run.samples["depth"].iloc[-1] > 0.0  # in contact
     assert (run.samples["fault"] == Fault.NONE).all()
-
-
-@pytest.mark.slow
-def test_a_trial_with_a_stalled_motor_ends_safely(scenario, skill, monkeypatch):
-    scenario.start.height = 0.01
-    monkeypatch.setattr(trial_module, "TrialMonitor", LockedMonitor)
-    result, run = run_trial(scenario, skill, seed=7)
-    after = check_safe_ending(result, run, Fault.MOTOR_STALLED)
-    assert np.ptp(after["tip_z"]) == pytest.approx(0.0, abs=1e-9)
 
 
 WHOLE_TRIALS = {  # when each begins, s

@@ -9,6 +9,7 @@ from pydrake.systems.analysis import Simulator
 from models.hardware import STEEL
 from skill.data.rig_run import ContactPlace
 from systems.plant.contact_plant import ALUMINIUM, NominalBodies
+from systems.plant.exact_contact import STEPS
 from tests.systems.plant.engine_bench import Bench, G, hanging_weight
 
 
@@ -45,6 +46,19 @@ def test_a_stepper_turns_the_block_with_its_holding_torque_at_most(scenario):
     torque = bench.gimbal()[2] / 0.002 * NominalBodies.of(scenario).turning_inertia
     assert 0.5 * scenario.stepper.stiffness > 5.0 * scenario.stepper.holding_torque
     assert torque == pytest.approx(scenario.stepper.holding_torque, rel=0.02)
+
+
+def test_a_released_axis_is_driven_by_the_spring_and_the_damper_of_its_stepper(scenario):
+    """A step of implicit Euler: (J + h d + h^2 K) v = J v_0 - h K theta, with or without smaller steps."""
+    stepper, inertia = scenario.stepper, NominalBodies.of(scenario).turning_inertia
+    steps = STEPS if scenario.contact.engine == "exact" else 1
+    h, theta, v = scenario.contact.time_step / steps, 1e-3, 0.0
+    bench = Bench(scenario, force=hanging_weight(scenario)).start(tip_z=0.02, pitch=theta)
+    for _ in range(4 * steps):
+        v = (inertia * v - h * stepper.stiffness * theta) / (inertia + h * stepper.damping + h**2 * stepper.stiffness)
+        theta += h * v
+    found = bench.advance(4 * scenario.contact.time_step).gimbal()
+    np.testing.assert_allclose([found[0], found[2]], [theta, v], rtol=0.02)
 
 
 def test_two_contexts_do_not_disturb_each_other(scenario):
