@@ -115,8 +115,6 @@ class ManipulationSkill:
         self.force_noise = force_noise
         self.moment_noise = moment_noise
         self.random_state = random_state
-        self._imitation_parts: tuple[Any, ...] = (None,) * 3  # of which the imitation was made that is kept
-        self._imitation: Imitation
 
     # ----------------------------------------------------------------- learning
 
@@ -255,7 +253,7 @@ class ManipulationSkill:
 
     def _measured_channels(self) -> NDArray[np.intp]:
         """Indices of the state features that the rig can measure; the hidden ones follow them."""
-        return np.arange(len(self.state_features_.get_feature_names_out()))
+        return np.arange(len(self.state_features_.names))
 
     def state_probabilities(self, measured: ArrayLike) -> Array:
         """Probabilities of the states (n, K) from measurements (n, 7) alone, without the hidden features."""
@@ -293,10 +291,7 @@ class ManipulationSkill:
 
     def imitation(self) -> Imitation:
         """Returns what predicts the actions from the features."""
-        parts = self.regressor_, self.sources_, self.min_log_support_
-        if any(new is not old for new, old in zip(parts, self._imitation_parts, strict=True)):
-            self._imitation, self._imitation_parts = Imitation(*parts), parts
-        return self._imitation
+        return Imitation(self.regressor_, self.sources_, self.min_log_support_)
 
     def explain(self, measured: ArrayLike, estimate: Estimate | None = None, level: float = 0.95) -> SkillExplanation:
         """Explains the action of `act` for one measurement.

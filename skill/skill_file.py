@@ -283,9 +283,9 @@ def _check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, 
         header: the header of the file.
     """
     states, regressor, graph = (parts[name] for name in ("states", "regressor", "graph"))
-    measured = len(parts["state_features"].get_feature_names_out())
-    channels = measured + len(parts["state_features"].hidden_names())
-    features = len(parts["features"].get_feature_names_out())
+    measured = len(parts["state_features"].names)
+    channels = measured + len(parts["state_features"].hidden_names)
+    features = len(parts["features"].names)
     K, P = len(states.means_), regressor.memberships_
     if P is None:
         raise ValueError(f"regressor: array 'memberships' is missing, expected one column for each of {K} states")

@@ -6,7 +6,6 @@ import math
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compiled import compiled
 from skill.arrays import Array
@@ -55,6 +54,9 @@ class ContactFeatures(WrenchFeatures):
         play: radial clearance of peg and hole, m.
     """
 
+    names = ("tip_force", "mouth_force", "log_magnitude")
+    hidden_names = ("tip_offset", "mouth_offset")
+
     def __init__(
         self,
         *,
@@ -72,14 +74,6 @@ class ContactFeatures(WrenchFeatures):
     def of(cls, geometry: PegHoleGeometry | None) -> Self:
         """Returns the features for a geometry, or for the peg and hole of the paper."""
         return cls() if geometry is None else cls(peg_radius=geometry.peg_radius, play=geometry.clearance)
-
-    def get_feature_names_out(self, input_features: object = None) -> NDArray[np.object_]:
-        """Names of the three features."""
-        return np.array(["tip_force", "mouth_force", "log_magnitude"], dtype=object)
-
-    def hidden_names(self) -> NDArray[np.object_]:
-        """Names of the two features that only demonstrations contain."""
-        return np.array(["tip_offset", "mouth_offset"], dtype=object)
 
     def _angle(self, measured: Array) -> Array:
         return self._found(measured)[:, 3]

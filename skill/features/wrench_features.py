@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import math
 from abc import ABCMeta, abstractmethod
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator
 
 from compiled import compiled
@@ -47,6 +47,12 @@ class WrenchFeatures(BaseEstimator, metaclass=ABCMeta):
     The transformers are stateless: there is nothing to fit. All parameters are positive numbers in SI units.
     """
 
+    names: ClassVar[tuple[str, ...]]
+    """Names of the k features."""
+
+    hidden_names: ClassVar[tuple[str, ...]]
+    """Names of the h features that only demonstrations contain."""
+
     def transform(self, X: ArrayLike) -> Array:
         """Features of measurements.
 
@@ -55,20 +61,12 @@ class WrenchFeatures(BaseEstimator, metaclass=ABCMeta):
                 order.
 
         Returns:
-            (n, k), of order one; ``get_feature_names_out`` names the columns.
+            (n, k), of order one; `names` are those of the columns.
 
         Raises:
             ValueError: if the shape is wrong or a number is not finite.
         """
         return self._features(self._measurements(X))
-
-    @abstractmethod
-    def get_feature_names_out(self, input_features: object = None) -> NDArray[np.object_]:
-        """Names of the k features."""
-
-    @abstractmethod
-    def hidden_names(self) -> NDArray[np.object_]:
-        """Names of the h features that only demonstrations contain."""
 
     def transform_demonstration(self, samples: pd.DataFrame) -> Array:
         """The measured features, followed by the hidden ones.
@@ -80,7 +78,7 @@ class WrenchFeatures(BaseEstimator, metaclass=ABCMeta):
             samples: DataFrame with the fourteen channels, one row a sample.
 
         Returns:
-            (n, k + h): the columns of ``transform``, then those of ``hidden_names``.
+            (n, k + h): the columns of ``transform``, then `hidden_names`.
 
         Raises:
             ValueError: if a channel is missing or a number is not finite.
@@ -174,12 +172,9 @@ class PoseFeatures(WrenchFeatures):
             tilt.
     """
 
+    hidden_names = HIDDEN
     depth_scale: float
     tilt_scale: float
-
-    def hidden_names(self) -> NDArray[np.object_]:
-        """Names of the six features that only demonstrations contain."""
-        return np.array(HIDDEN, dtype=object)
 
     def _hidden(self, z: Array, lateral: Array, rotation: Array, step: Array) -> Array:
         lateral_scale = self.depth_scale * self.tilt_scale
@@ -196,6 +191,8 @@ class RawFeatures(PoseFeatures):
         tilt_scale: rad; see `PoseFeatures`.
     """
 
+    names = MEASURED
+
     def __init__(
         self,
         *,
@@ -208,10 +205,6 @@ class RawFeatures(PoseFeatures):
         self.force_scale = force_scale
         self.depth_scale = depth_scale
         self.tilt_scale = tilt_scale
-
-    def get_feature_names_out(self, input_features: object = None) -> NDArray[np.object_]:
-        """Names of the seven features."""
-        return np.array(MEASURED, dtype=object)
 
     def _features(self, measured: Array) -> Array:
         force, moment = self.force_scale, self.force_scale * self.peg_radius
@@ -238,6 +231,8 @@ class NormalisedFeatures(PoseFeatures):
         tilt_scale: rad; see `PoseFeatures`.
     """
 
+    names: ClassVar[tuple[str, ...]] = (*MEASURED, "log_magnitude")
+
     def __init__(
         self,
         *,
@@ -252,10 +247,6 @@ class NormalisedFeatures(PoseFeatures):
         self.depth_floor = depth_floor
         self.depth_scale = depth_scale
         self.tilt_scale = tilt_scale
-
-    def get_feature_names_out(self, input_features: object = None) -> NDArray[np.object_]:
-        """Names of the eight features."""
-        return np.array([*MEASURED, "log_magnitude"], dtype=object)
 
     def _features(self, measured: Array) -> Array:
         wrench = measured[:, 0:6] / np.array([1.0, 1.0, 1.0] + [self.peg_radius] * 3)
@@ -279,14 +270,12 @@ class CanonicalFeatures(NormalisedFeatures):
     itself. For a part that is not round r is half of the width between the sides that are nearest to its axis.
     """
 
+    names = ("f_lateral", "fz", "mx", "my", "mz", "z", "log_magnitude")
+
     @classmethod
     def of(cls, geometry: PegHoleGeometry | None) -> Self:
         """Returns the features for a geometry, or for the peg of the paper."""
         return cls() if geometry is None else cls(peg_radius=geometry.peg_radius)
-
-    def get_feature_names_out(self, input_features: object = None) -> NDArray[np.object_]:
-        """Names of the seven features."""
-        return np.array(["f_lateral", "fz", "mx", "my", "mz", "z", "log_magnitude"], dtype=object)
 
     def _angle(self, measured: Array) -> Array:
         return canonical_angles(np.ascontiguousarray(measured), self.peg_radius, self.force_floor)

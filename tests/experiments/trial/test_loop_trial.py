@@ -93,7 +93,7 @@ def test_a_policy_that_gives_up_ends_a_trial_alike(shipped):
 def test_a_skill_that_turns_about_the_axis_acts_alike(shipped):
     """Its fourth output is a turn with the moment about the axis."""
     turning, old = copy.copy(shipped), shipped.regressor_
-    spin = 3e-3 * old.X_[:, list(shipped.features_.get_feature_names_out()).index("mz")]
+    spin = 3e-3 * old.X_[:, shipped.features_.names.index("mz")]
     turning.regressor_ = LWRegressor.from_arrays({**old.to_arrays(), "y": np.column_stack([old.y_, spin])})
     turning.metadata_ = {**shipped.metadata_, "clocking": True}
     square = {"geometry__section": "square", "geometry__chamfer": 0.001, "rig__clocking_stage": True}

@@ -16,7 +16,7 @@ def features_of(*contacts, depth, dut=DUT):
         outward = np.array([np.cos(angle), np.sin(angle), 0.0])
         force = size * (outward + friction * np.array([0.0, 0.0, 1.0]))
         wrench += [*force, *np.cross([0.0, 0.0, height] - dut.peg_radius * outward, force)]
-    return dict(zip(dut.get_feature_names_out(), dut.transform(np.array([[*wrench, -depth]]))[0], strict=True))
+    return dict(zip(dut.names, dut.transform(np.array([[*wrench, -depth]]))[0], strict=True))
 
 
 def test_a_wedged_peg_has_the_same_features_at_every_depth_and_force():
@@ -47,7 +47,7 @@ def posed(x, tilt, depth, turned=0.0):
 @pytest.mark.parametrize("turned", [0.0, 2.1])
 def test_the_hidden_offsets_are_in_units_of_the_play(turned):
     dut = ContactFeatures(play=5e-5)
-    assert list(dut.hidden_names()) == ["tip_offset", "mouth_offset"]
+    assert dut.hidden_names == ("tip_offset", "mouth_offset")
     edge = np.tanh(0.5)
     # A straight peg that touches the wall with its whole length.
     straight = dut.transform_demonstration(posed(-5e-5, 0.0, 0.01, turned))[0, 3:]
@@ -84,4 +84,4 @@ def test_the_contact_forces_follow_from_force_and_moment_balance():
         np.testing.assert_allclose(np.exp(1j * angle), sign * np.exp(1j * phi), atol=1e-12)
     assert 50 < half_turns < 250
     assert (np.abs(angles) <= np.pi).all()
-    assert list(dut.get_feature_names_out()) == ["tip_force", "mouth_force", "log_magnitude"]
+    assert dut.names == ("tip_force", "mouth_force", "log_magnitude")

@@ -68,8 +68,8 @@ def test_turning_actions_to_the_frame_and_back_changes_nothing(features):
 def test_hidden_features_follow_the_measured_ones(features):
     samples, dut = random_demonstration(), features()
     both = dut.transform_demonstration(samples)
-    k = len(dut.get_feature_names_out())
-    assert both.shape == (len(samples), k + len(dut.hidden_names()))
+    k = len(dut.names)
+    assert both.shape == (len(samples), k + len(dut.hidden_names))
     np.testing.assert_array_equal(both[:, :k], dut.transform(samples))
 
 
@@ -101,7 +101,7 @@ def test_raw_features_are_the_measurements_over_their_scales():
     dut = RawFeatures(peg_radius=0.02, force_scale=5.0, depth_scale=0.03)
     np.testing.assert_allclose(dut.transform(X), X / [5, 5, 5, 0.1, 0.1, 0.1, 0.03], rtol=1e-12)
     np.testing.assert_array_equal(dut.rotation_angle(X), np.zeros(len(X)))
-    assert tuple(dut.get_feature_names_out()) == MEASURED
+    assert dut.names == MEASURED
 
 
 def test_normalised_features_are_direction_depth_and_magnitude():
@@ -111,7 +111,7 @@ def test_normalised_features_are_direction_depth_and_magnitude():
     s = np.sqrt((wrench**2).sum(axis=1))
     np.testing.assert_allclose(dut.transform(X)[:, :6], wrench / np.sqrt(s**2 + 9.0)[:, None], rtol=1e-12)
     np.testing.assert_allclose(dut.transform(X)[:, 7], np.log(1.0 + s / 3.0), rtol=1e-12)
-    assert tuple(dut.get_feature_names_out()) == (*MEASURED, "log_magnitude")
+    assert dut.names == (*MEASURED, "log_magnitude")
 
 
 def test_canonical_features_are_the_normalised_ones_in_the_canonical_frame():
@@ -148,7 +148,7 @@ def test_hidden_features_are_the_pose_over_its_scales(features):
     np.testing.assert_allclose(hidden[:, :2], lateral / (0.03 * 0.2), atol=1e-12)
     np.testing.assert_allclose(hidden[:, 2:5], rotation / 0.2, atol=1e-12)
     np.testing.assert_allclose(hidden[:, 5], np.degrees(samples["dangle"]) / 0.18, rtol=1e-12)
-    assert tuple(dut.hidden_names()) == HIDDEN
+    assert dut.hidden_names == HIDDEN
 
 
 def test_the_first_value_that_is_not_finite_is_named():
@@ -165,7 +165,7 @@ def test_the_first_value_that_is_not_finite_is_named():
 
 def test_depth_is_logarithmic_and_heights_above_the_floor_are_equal():
     dut = NormalisedFeatures(depth_floor=1e-3)
-    column = list(dut.get_feature_names_out()).index("z")
+    column = dut.names.index("z")
     z = np.array([0.02, 0.005, 0.001, 0.0, -0.001, -0.003, -0.007, -0.015])
     found = dut.transform(np.column_stack([np.zeros((len(z), 6)), z]))[:, column]
     np.testing.assert_allclose(found, np.log(2.0) * np.array([1, 1, 1, 0, -1, -2, -3, -4]), atol=1e-12)
