@@ -46,7 +46,7 @@ RESEND_TIME = 0.01
 
 EXTRAS = {
     **dict.fromkeys(("pydrake", "joblib", "tornado", "meshcat", "umsgpack"), "sim"),
-    **{"h5py": "recordings", "matplotlib": "figures", "pyarrow": "data"},
+    **{"matplotlib": "figures", "pyarrow": "data"},
     **{"cascadio": "cad", "trimesh": "cad"},
     **{"franky": "arm", "franky_sim": "arm", "rtde_control": "ur"},
     **{"distributed": "dask", "mcap": "recordings", "rosbags": "recordings"},

@@ -33,7 +33,7 @@ def main(
         typer.Argument(
             parser=parse_path,
             metavar="FILES",
-            help="Recordings: texts, .parquet .npz .mcap .db3 .bag .h5 files, folders of a bag or a LeRobot data set.",
+            help="Recordings: texts, .parquet .npz .mcap .db3 .bag files, folders of a bag or a LeRobot data set.",
             show_default=False,
         ),
     ],

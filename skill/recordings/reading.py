@@ -34,10 +34,10 @@ def read_recordings(
 
     A table (CSV, Parquet, NPZ) is one recording, or one for each trial if it has a column of trials. A bag of
     ROS 1 or ROS 2, a file or a folder of its parts, is one recording. A data set of LeRobot is one recording for each
-    episode, an HDF5 file of REASSEMBLE one for each action.
+    episode.
 
     Args:
-        path: file (``.csv .tsv .txt .parquet .pq .npz .mcap .db3 .bag .h5``), or folder of a LeRobot data set or a bag.
+        path: file (``.csv .tsv .txt .parquet .pq .npz .mcap .db3 .bag``), or folder of a LeRobot data set or a bag.
         columns: list of texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N". Columns with usual
             names need none. See `skill.recordings.columns`. In a text, a column may be said by its number, from 1, and
             a text without names gets all of them in one, such as "time,fx,fy,fz". For messages, "time=log_time" takes
@@ -92,10 +92,6 @@ def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
         from skill.recordings.bag import read_bag  # needs an extra
 
         return read_bag(path, **_chosen(path, options, {"topic", "columns"}, "a bag"))
-    if suffix == ".h5":
-        from skill.recordings.hdf5_file import read_hdf5_file  # needs an extra
-
-        return read_hdf5_file(path, **_chosen(path, options, set(), "an HDF5 file"))
     if suffix in TABLES:
         text = suffix in TEXTS
         allowed = {"columns", "trial_column", "phase_column", *(("sampling_rate", "decimal") if text else ())}
@@ -106,7 +102,7 @@ def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
             return read_parquet_file(path, choice)
         return (read_npz_file if suffix == ".npz" else read_csv_file)(path, choice)
     remedy = "; unpack it with 'zstd -d' first" if suffix in (".zst", ".zstd") else ""
-    raise ValueError(f"{path}: ends in '{suffix}', expected {' '.join((*TABLES, *BAGS))} .h5 or a folder{remedy}")
+    raise ValueError(f"{path}: ends in '{suffix}', expected {' '.join((*TABLES, *BAGS))} or a folder{remedy}")
 
 
 def _chosen(path: Path, options: Mapping[str, Any], allowed: set[str], kind: str) -> dict[str, Any]:

@@ -104,7 +104,7 @@ def test_an_interruption_in_a_destructor_is_not_lost(error, code):
 
 
 @pytest.mark.parametrize(
-    ("package", "extra"), [("pydrake.geometry", "sim"), ("pyarrow", "data"), ("h5py", "recordings")]
+    ("package", "extra"), [("pydrake.geometry", "sim"), ("pyarrow", "data"), ("mcap", "recordings")]
 )
 def test_a_missing_package_names_its_extra(capsys, package, extra):
     with pytest.raises(SystemExit) as ended:

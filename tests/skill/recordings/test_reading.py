@@ -64,7 +64,6 @@ ALLOWED = {  # file or folder: what it is, and the options that it takes
     ),
     **dict.fromkeys(("a.parquet", "a.npz"), ("a table", {"columns", "trial_column", "phase_column"})),
     **dict.fromkeys(("a.mcap", "a.db3", "a.bag"), ("a bag", {"columns", "topic"})),
-    "a.h5": ("an HDF5 file", set()),
     "set": ("a data set of LeRobot", {"columns", "phase_column", "feature"}),
 }
 OPTIONS = {
@@ -91,12 +90,12 @@ def test_other_files_are_refused(tmp_path):
         with pytest.raises(ValueError, match=re.escape(folder + remedy) + "$"):
             read_recordings(tmp_path)
         (tmp_path / "bag_0.db3.zstd").touch()
-    expected = "expected .csv .tsv .txt .dat .asc .log .lvm .parquet .pq .npz .mcap .db3 .bag .h5 or a folder"
+    expected = "expected .csv .tsv .txt .dat .asc .log .lvm .parquet .pq .npz .mcap .db3 .bag or a folder"
     for suffix, remedy in ((".npy", ""), (".zstd", "; unpack it with 'zstd -d' first")):
         with pytest.raises(
             ValueError, match=re.escape(f"a.mcap{suffix}: ends in '{suffix}', {expected}{remedy}") + "$"
         ):
             read_recordings(f"a.mcap{suffix}")
-    for suffix in (*TABLES, ".mcap", ".db3", ".bag", ".h5"):
+    for suffix in (*TABLES, ".mcap", ".db3", ".bag"):
         with pytest.raises(ValueError, match=rf"a\{suffix}: no such file$"):
             read_recordings(tmp_path / f"a{suffix}")
