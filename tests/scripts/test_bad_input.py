@@ -2,8 +2,6 @@
 
 import pytest
 
-from models.scenario import dump_scenario
-from tests.quick_scenario import REQUESTS, make_quick_scenario
 from tests.scripts.commands import error_line, files, invoke
 
 BAD_SCENARIOS = {
@@ -62,25 +60,6 @@ def test_no_or_too_many_demonstrations_are_an_error(tmp_path):
     assert files(tmp_path) == []
 
 
-def test_training_on_a_damaged_recording_is_one_error_and_writes_no_skill(tmp_path, demonstration_folder):
-    whole = (demonstration_folder / "000.parquet").read_bytes()
-    (tmp_path / "shown").mkdir()
-    (tmp_path / "shown" / "000.parquet").write_bytes(whole)
-    (tmp_path / "shown" / "001.parquet").write_bytes(whole[:-100])
-    line = error_line(invoke("train", "--demonstrations", tmp_path / "shown", "--out", tmp_path / "skill.npz"))
-    assert "001.parquet: not a complete Parquet file" in line
-    assert not (tmp_path / "skill.npz").exists()
-
-
-def test_training_without_an_insertion_is_one_error(tmp_path, demonstration_folder):
-    (tmp_path / "shown").mkdir()
-    slams = demonstration_folder / f"{len(REQUESTS) - 1:03d}.parquet"
-    (tmp_path / "shown" / "000.parquet").write_bytes(slams.read_bytes())
-    line = error_line(invoke("train", "--demonstrations", tmp_path / "shown", "--out", tmp_path / "skill.npz"))
-    assert "none of the 1 demonstrations" in line
-    assert files(tmp_path) == ["shown/000.parquet"]
-
-
 @pytest.mark.parametrize(("size", "message"), [(None, "no such skill file"), (500, "not a skill file")])
 def test_running_with_a_bad_skill_is_one_error_and_writes_nothing(tmp_path, skill_file, size, message):
     skill = tmp_path / "skill.npz"
@@ -90,17 +69,3 @@ def test_running_with_a_bad_skill_is_one_error_and_writes_nothing(tmp_path, skil
     assert message in line
     assert "skill.npz" in line
     assert set(files(tmp_path)) <= {"skill.npz"}
-
-
-def test_a_tilt_too_large_to_enter_is_one_error_before_the_first_trial(tmp_path, skill_file):
-    scenario = tmp_path / "quick.yaml"
-    scenario.write_text(dump_scenario(make_quick_scenario()))
-    line = error_line(
-        invoke(
-            "rig",
-            *("--skill", skill_file, "--scenario", scenario, "--tilt-deg", 20, "--trials", 8, "--seed", 0),
-            *("--out", tmp_path / "rig", "--jobs", 1),
-        )
-    )
-    assert "tilt" in line
-    assert files(tmp_path) == ["quick.yaml"]

@@ -15,11 +15,8 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_given_skill_goes_before_all_others(folder):
-    assert find_skill(Path("mine.npz")) == Path("mine.npz")
-
-
 def test_a_trained_skill_goes_before_the_shipped_one_which_is_announced(folder, capsys):
+    assert find_skill(Path("mine.npz")) == Path("mine.npz")
     with pytest.raises(FileNotFoundError, match="there is no such file; make one with `haptic-skill demo`"):
         find_skill(None)
     (folder / "shipped.npz").touch()

@@ -9,12 +9,8 @@ from tests.scripts.commands import error_line, files, invoke
 from tests.trajectories import make_demonstration, make_rig_run
 
 
-def command(*arguments):
-    return invoke(*arguments)
-
-
 def done(*arguments):
-    result = command(*arguments)
+    result = invoke(*arguments)
     assert result.exit_code == 0, result.output
     return " ".join(result.stdout.split())
 
@@ -30,13 +26,13 @@ def test_demonstrations_go_to_lerobot_and_back(tmp_path):
 def test_a_data_set_is_replaced_only_with_the_option(tmp_path):
     source = write_runs(tmp_path / "in")
     done("export", "lerobot", source, tmp_path / "dataset")
-    line = error_line(command("export", "lerobot", source, tmp_path / "dataset"))
+    line = error_line(invoke("export", "lerobot", source, tmp_path / "dataset"))
     assert "holds a data set; choose another OUT, or add --overwrite" in line
     done("export", "lerobot", source, tmp_path / "dataset", "--overwrite")
     (tmp_path / "dataset" / "mine.txt").write_text("mine")
-    line = error_line(command("export", "lerobot", source, tmp_path / "dataset", "--overwrite"))
+    line = error_line(invoke("export", "lerobot", source, tmp_path / "dataset", "--overwrite"))
     assert "holds mine.txt, which is not replaced" in line
-    line = error_line(command("import", "lerobot", tmp_path / "dataset", tmp_path / "in"))
+    line = error_line(invoke("import", "lerobot", tmp_path / "dataset", tmp_path / "in"))
     assert "in: holds run_0000.parquet, which is not replaced" in line
     assert sorted(p.name for p in tmp_path.iterdir()) == ["dataset", "in"]
 
@@ -72,18 +68,8 @@ def test_what_cannot_be_exported_is_named_in_one_line(tmp_path, name):
     write, message = REFUSED[name]
     write(tmp_path / "in")
     before = sorted(p.name for p in tmp_path.iterdir())
-    assert message in error_line(command("export", "lerobot", tmp_path / "in", tmp_path / "out"))
+    assert message in error_line(invoke("export", "lerobot", tmp_path / "in", tmp_path / "out"))
     assert sorted(p.name for p in tmp_path.iterdir()) == before
-
-
-def test_a_single_sample_has_the_rate_of_the_others(tmp_path):
-    write_runs(tmp_path / "in", 1)
-    run = make_rig_run()
-    short = type(run)(run.samples[:1], {"inserted": False, "reason": "failed: at once"}, run.metadata)
-    write_rig_run(short, tmp_path / "in" / "0.parquet")
-    assert "(1 failed, 1 inserted), 121 frames at 50 Hz" in done("export", "lerobot", tmp_path / "in", tmp_path / "out")
-    (tmp_path / "in" / "run_0000.parquet").unlink()
-    assert "two samples" in error_line(command("export", "lerobot", tmp_path / "in", tmp_path / "another"))
 
 
 def test_a_log_is_written_beside_the_run_or_where_it_is_asked_for(tmp_path):
@@ -93,9 +79,7 @@ def test_a_log_is_written_beside_the_run_or_where_it_is_asked_for(tmp_path):
     assert "run_0000.mcap: 120 /wrench, 120 /peg/pose, 120 /hole/pose" in done("export", "mcap", run)
     done("export", "mcap", run)  # replaces its own
     assert "120 /exact_contact" in done("export", "mcap", demonstration, tmp_path / "logs" / "a.mcap")
-    assert "is a recording or run (Parquet), and is not replaced" in error_line(
-        command("export", "mcap", run, demonstration)
-    )
-    assert "is the recording; choose another OUT" in error_line(command("export", "mcap", run, run))
-    assert "no such file" in error_line(command("export", "mcap", tmp_path / "none.parquet"))
+    assert "(Parquet), and is not replaced" in error_line(invoke("export", "mcap", run, demonstration))
+    assert "is the recording; choose another OUT" in error_line(invoke("export", "mcap", run, run))
+    assert "no such file" in error_line(invoke("export", "mcap", tmp_path / "none.parquet"))
     assert files(tmp_path) == ["000_good_expert.parquet", "logs/a.mcap", "run_0000.mcap", "run_0000.parquet"]

@@ -29,9 +29,3 @@ def test_another_file_is_not_replaced(tmp_path):
     )
     assert "is another file, and is not replaced by a scenario" in line
     assert "there is no file" not in line
-
-
-def test_a_missing_file_is_named(tmp_path):
-    assert "none.step" in error_line(
-        invoke("part", "none.step", PARTS / "d_shaft_hole.step", "--out", tmp_path / "a.yaml")
-    )

@@ -25,11 +25,6 @@ def test_what_follows_the_geometry_and_what_may_fail_are_a_line_each(tmp_path, c
     )
 
 
-def test_of_small_pegs_only_round_ones_are_doubted(capsys):
-    assert read_scenario("d_shaft").geometry.peg_radius < 0.006
-    assert "may not be inserted" not in capsys.readouterr().out
-
-
 SMALL = "its radius is {} mm; below 6 mm a third of the skills missed two to four of ten trials"
 
 

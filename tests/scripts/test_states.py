@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from scripts import states as states_command
 from tests.scripts.commands import error_line, files, invoke
 from tests.state_recordings import CHANNELS, NAMES, three_contacts, write_files
 from tests.states_pages import bands_of, series_of
@@ -108,35 +107,24 @@ def test_numbers_without_names_and_time_need_the_rate_of_their_rows(tmp_path):
     for k, path in enumerate(paths):
         np.savetxt(path, three_contacts(k, rate=100.0)[list(CHANNELS)])
     line = refused(tmp_path, *paths, "--out", tmp_path / "states.html")
-    command, _, remedy = line.partition("e.g. haptic-skill ")[2].partition(f" {paths[0]} ")
-    assert command == "states"
+    remedy = line.partition(f"e.g. haptic-skill states {paths[0]} ")[2]
     assert remedy == "--columns fx,fy,fz,mx,my,mz --sampling-rate 100"
     done = states(*paths, *remedy.split(), "--out", tmp_path / "states.html")
-    samples = sum(len(three_contacts(k, rate=100.0)) for k in range(2))
-    assert f"read {samples} samples at 100 Hz; a recording lasts " in done.stdout
-    assert "3 contact states in 2 recordings" in done.stdout
-    assert np.diff(pd.read_csv(tmp_path / "0.states.csv")["time"]).max() == pytest.approx(0.02)
+    assert "samples at 100 Hz; a recording lasts " in done.stdout
 
 
-def test_rates_that_differ_are_mentioned(tmp_path):
+def test_few_recordings_rates_that_differ_and_a_gap_are_mentioned(tmp_path, result):
     first, second = write_files(tmp_path, 2)
     three_contacts(1, rate=20.0).to_csv(second, index=False)
     line = refused(tmp_path, first, second, "--out", tmp_path / "states.html")
     assert "20 Hz with --columns time=time:s or 20000 Hz with --columns time=time:ms; say which" in line
+    pd.concat([three_contacts(0), three_contacts(1, start=60.0)]).to_csv(first, index=False)
     done = states(first, second, "--columns", "time=time:s", "--out", tmp_path / "states.html")
-    assert re.search(r"read \d+ samples at 20 to 50 Hz; a recording lasts [\d.]+ to [\d.]+ s", done.stdout)
-    assert "rates from 20 to 50 Hz; --rate 20 makes them alike" in done.stdout
-    assert "gap" not in done.stdout
-
-
-def test_a_long_gap_is_mentioned(tmp_path):
-    first, second = write_files(tmp_path, 2)
-    both = [three_contacts(0), three_contacts(1, start=60.0)]
-    pd.concat(both).to_csv(second, index=False)
-    done = states(first, second, "--out", tmp_path / "states.html")
-    gap = 60.0 - both[0]["time"].iloc[-1]
-    assert f"insert_1.csv has a gap of {gap:.1f} s, which counts as one interval; is it one recording?" in done.stdout
-    assert "insert_0.csv has" not in done.stdout
+    text = " ".join(done.stdout.split())
+    assert "two recordings hide states in what differs between them; three or more are better" in text
+    assert re.search("rates from 20 to 5[0-9.]+ Hz; --rate 20 makes them alike", text)
+    assert re.search(r"insert_0.csv has a gap of 5\d.\d s, which counts as one interval; is it one recording\?", text)
+    assert "two recordings hide" not in result[1]
 
 
 # ------------------------------------------------------------ bad input
@@ -150,19 +138,6 @@ def refused(tmp_path, *arguments):
     return line
 
 
-def test_recordings_with_different_channels_are_one_error_that_names_both(tmp_path):
-    first, second = write_files(tmp_path, 2)
-    three_contacts(1).drop(columns=["mx", "my", "mz"]).to_csv(second, index=False)
-    line = refused(tmp_path, first, second, "--out", tmp_path / "states.html")
-    assert "insert_1.csv has the channels fx fy fz, but insert_0.csv has fx fy fz mx my mz" in line
-
-
-def test_two_recordings_are_few(tmp_path, result):
-    text = states(*write_files(tmp_path, 2), "--out", tmp_path / "states.html").output
-    assert "two recordings hide states in what differs between them; three or more are better" in " ".join(text.split())
-    assert "two recordings hide" not in result[1]
-
-
 def test_files_agree_about_orientations_beside_the_boundary_of_one_file(tmp_path):
     """By itself, a file tells a turn of 150 degrees about -z as it is, and one of 152 as 208 about +z."""
     paths = write_files(tmp_path, 3)
@@ -174,20 +149,24 @@ def test_files_agree_about_orientations_beside_the_boundary_of_one_file(tmp_path
     assert len({np.sign(np.median(series["rz"])) for _, series in found}) == 1
 
 
-def test_a_single_recording_is_one_error(tmp_path):
-    (path,) = write_files(tmp_path, 1)
-    line = refused(tmp_path, path, "--out", tmp_path / "states.html")
-    assert "insert_0.csv: a single recording, expected two or more" in line
-    assert "--trial-column" in line
+def test_what_is_no_set_of_recordings_is_one_error_that_names_it(tmp_path):
+    first, second = write_files(tmp_path, 2)
+    three_contacts(1).drop(columns=["mx", "my", "mz"]).to_csv(tmp_path / "forces.csv", index=False)
+    (tmp_path / "b").mkdir()
+    (same_name,) = write_files(tmp_path / "b", 1)
+    (tmp_path / "a.states.csv").write_text("trial,time,state,probability\n,0,0,1\n")
+    for arguments, message in (
+        ([first], "insert_0.csv: a single recording, expected two or more"),
+        ([first, second, tmp_path / "b" / ".." / "insert_1.csv"], "given twice"),
+        ([first, tmp_path / "forces.csv"], "forces.csv has the channels fx fy fz, but insert_0.csv has fx fy fz mx"),
+        ([first, same_name, "--labels", tmp_path / "c"], f"{first} and {same_name} would share the table of states"),
+        ([tmp_path / "a.states.csv"], "a table of states; expected recordings"),
+        ([first, second, "--rate", "nan"], "expected a positive number of Hz"),
+    ):
+        assert message in refused(tmp_path, *arguments, "--out", tmp_path / "states.html")
 
 
-def test_a_file_that_is_given_twice_is_one_error(tmp_path):
-    paths = write_files(tmp_path, 2)
-    again = tmp_path / "." / ".." / tmp_path.name / "insert_1.csv"
-    assert "given twice" in refused(tmp_path, *paths, again, "--out", tmp_path / "states.html")
-
-
-@pytest.mark.parametrize("name", ["notes.html", "insert_0.csv", "insert_1.states.csv"])
+@pytest.mark.parametrize("name", ["notes.html", "insert_1.states.csv"])
 def test_foreign_files_are_not_replaced(tmp_path, name):
     paths = write_files(tmp_path, 2)
     if name not in {path.name for path in paths}:
@@ -195,42 +174,3 @@ def test_foreign_files_are_not_replaced(tmp_path, name):
     out = tmp_path / ("states.html" if name.endswith("states.csv") else name)
     line = refused(tmp_path, *paths, "--out", out)
     assert f"{name}: is another file, and is not replaced" in line
-
-
-def test_two_files_that_would_share_a_table_are_one_error(tmp_path):
-    for folder in ("a", "b"):
-        (tmp_path / folder).mkdir()
-    (first,), (second,) = (write_files(tmp_path / folder, 1) for folder in ("a", "b"))
-    line = refused(tmp_path, first, second, "--labels", tmp_path / "c", "--out", tmp_path / "states.html")
-    assert f"{first} and {second} would share the table of states" in line
-    states(first, second, "--out", tmp_path / "states.html")  # beside the data they do not
-
-
-def test_a_table_that_cannot_be_written_says_how_many_are(tmp_path, monkeypatch):
-    paths = write_files(tmp_path)
-    write = states_command.write_state_table
-
-    def on_a_full_disk(path, labelled):
-        if path.stem == "insert_1.states":
-            raise OSError(28, "No space left on device")
-        write(path, labelled)
-
-    monkeypatch.setattr(states_command, "write_state_table", on_a_full_disk)
-    message = error_line(invoke("states", *paths, "--out", tmp_path / "states.html"))
-    table = tmp_path / "insert_1.states.csv"
-    expected = f"{table}: not written (No space left on device); the recordings are unchanged; 1 of 3 tables written"
-    assert message.endswith(expected)
-    assert not (tmp_path / "states.html").exists()
-
-
-def test_tables_alone_are_no_recordings(tmp_path):
-    paths = write_files(tmp_path, 2)
-    states(*paths, "--out", tmp_path / "states.html")
-    line = refused(tmp_path, tmp_path / "insert_0.states.csv", "--out", tmp_path / "states.html")
-    assert "a table of states; expected recordings" in line
-
-
-@pytest.mark.parametrize("rate", ["0", "nan"])
-def test_a_rate_that_is_no_rate_is_one_error(tmp_path, rate):
-    paths = write_files(tmp_path, 2)
-    assert "expected a positive number of Hz" in refused(tmp_path, *paths, "--rate", rate)
