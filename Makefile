@@ -45,7 +45,7 @@ lint: environment
 	$(RUN) codespell_lib
 	$(MYPY)
 
-# 200 small faults, one at a time: how many does a test of `make test` notice?
+# 100 small faults, one at a time: how many does a test of `make test` notice?
 mutants: environment
 	$(RUN) tests.mutants --jobs 2 --json out/mutants.json
 

@@ -1,6 +1,6 @@
 """Mutation testing: which small faults in the code does no test of ``make test`` notice?
 
-    python -m tests.mutants [ROOM ...] [--number 200] [--seed 0] [--jobs 2] [--json FILE] [--again FILE]
+    python -m tests.mutants [ROOM ...] [--number 100] [--seed 0] [--jobs 2] [--json FILE] [--again FILE]
 
 1. A seeded sample of mutants is drawn from all places of the rooms (folders or files; all code if none is given) that
    can be mutated: a comparison, an arithmetic or boolean operator, a number, min/max, a negation, or a return value.
@@ -25,7 +25,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Annotated, Any
 
 import pytest
@@ -210,7 +209,7 @@ def is_noticed(mutant: Mutant, tree: Path) -> bool:
 
 def main(
     rooms: Annotated[list[str] | None, typer.Argument()] = None,
-    number: int = 200,
+    number: int = 100,
     seed: int = 0,
     jobs: int = 2,
     json: Path | None = None,
@@ -218,25 +217,19 @@ def main(
 ) -> None:
     """Draws the mutants, or takes the survivors of an earlier report, tries them and prints those that survive."""
     mutants = survivors_of(again) if again else draw(number, seed, rooms or ())
-    noticed: list[bool] = []
-    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(jobs) as pool:
-        trees: SimpleQueue[Path] = SimpleQueue()
-        for k in range(jobs):
-            trees.put(copy_checkout(Path(name) / str(k)))
+    noticed = [False] * len(mutants)
+    with tempfile.TemporaryDirectory() as name, progress("mutants", len(mutants)) as advance:
 
-        def judge(mutant: Mutant) -> bool:
-            tree = trees.get()
-            try:
-                return is_noticed(mutant, tree)
-            finally:
-                trees.put(tree)
+        def work(k: int) -> None:
+            tree = copy_checkout(Path(name) / str(k))
+            for n in range(k, len(mutants), jobs):
+                noticed[n] = is_noticed(mutants[n], tree)
+                if not noticed[n]:
+                    say(f"survived: {mutants[n].file}:{mutants[n].line} {mutants[n].change}")
+                advance(f"{sum(noticed)} noticed")
 
-        with progress("mutants", len(mutants)) as advance:
-            for mutant, verdict in zip(mutants, pool.map(judge, mutants), strict=True):
-                noticed.append(verdict)
-                if not verdict:
-                    say(f"survived: {mutant.file}:{mutant.line} {mutant.change}")
-                advance(f"{sum(noticed)} of {len(noticed)} noticed")
+        with ThreadPoolExecutor(jobs) as pool:
+            list(pool.map(work, range(jobs)))
     say(f"{sum(noticed)} of {len(mutants)} mutants noticed")
     if json is not None:
         rows = [{**asdict(m), "noticed": v} for m, v in zip(mutants, noticed, strict=True)]

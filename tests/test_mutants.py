@@ -1,6 +1,7 @@
 """The faults that mutation testing makes."""
 
 import ast
+from pathlib import Path
 
 import pytest
 
@@ -59,7 +60,6 @@ def test_rooms_are_folders_or_files_and_a_sample_has_no_more_than_they_have():
 @pytest.mark.slow
 def test_a_module_has_mirrored_tests_and_those_that_import_it():
     mirrored, others = nearest_tests("systems/law/back_off.py")
-    assert [path.as_posix() for path in mirrored] == ["tests/systems/law/test_back_off.py"]
-    names = [path.as_posix() for path in others]
-    assert "tests/systems/law/test_policy_controller.py" in names  # imports a module that imports it
-    assert "tests/models/test_meshes.py" not in names
+    assert mirrored == [Path("tests/systems/law/test_back_off.py")]
+    assert Path("tests/systems/law/test_policy_controller.py") in others  # imports a module that imports it
+    assert Path("tests/models/test_meshes.py") not in others

@@ -121,7 +121,6 @@ def both() -> dict[str, Path]:
 
 
 DIAGRAMS = "haptic_skill diagram --out docs/pictures"
-FIRST_HOUR = "tests.docs.first_hour out/first_hour"
 
 COMMANDS: dict[str, Callable[[], object]] = {
     "insertion.webp": partial(film, "insertion", lambda: {"insertion": trial("usual", smooth)}),
@@ -143,12 +142,12 @@ COMMANDS: dict[str, Callable[[], object]] = {
     "demonstrations.png": partial(shutil.copy, OUT / "demonstrations" / "demonstrations.png", PICTURES),
     "gymnasium.png": rendered,
     **{name: partial(shell, DIAGRAMS) for name in ("virtual_environment.svg", "rig.svg")},
-    **{f"first_hour_{part}.webp": partial(shell, FIRST_HOUR) for part in ("show", "ask", "rig")},
 }
 """What makes each picture."""
 
 KEPT = {"two_point_depth.svg", "jamming.svg", "wedging.svg", "force_balance.svg"}
-"""Pictures of the laws of contact, which are kept: `docs/physics.md` names the commit that draws them."""
+KEPT |= {f"first_hour_{part}.webp" for part in ("show", "ask", "rig")}
+"""Pictures that are kept: `docs/physics.md` and `docs/first_hour.md` name the commits that draw them."""
 
 if __name__ == "__main__":
     for chosen in sys.argv[1:]:

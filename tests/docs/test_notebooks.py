@@ -12,6 +12,7 @@ LEFT_OUT = ("no-untyped-def", "assignment")  # a reader needs neither types nor 
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_notebooks_and_tutorials_have_the_right_types(tmp_path):
     files = sorted((ROOT / "docs" / "tutorials").glob("*.py"))
     for notebook in (ROOT / "docs" / "notebooks").glob("*.ipynb"):

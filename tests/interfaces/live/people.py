@@ -35,11 +35,11 @@ BY_FEEL = """  // a person at the keys, ten times a second
 """
 
 
-def insert_by_feel(page, watch=lambda: None):
+def insert_by_feel(page):
     """Starts a demonstration, feeds the tilted peg until it touches, levels it there, and feeds it to the floor.
 
     The person pushes gently all the time, so that the wrench shows how the peg is tilted. The page's own script presses
-    the keys: a driver from outside is slower than a hand. It calls `watch` all the time.
+    the keys: a driver from outside is slower than a hand.
     """
     tap(page, " ")
     wait_for_text(page, "status", "recording")
@@ -47,11 +47,10 @@ def insert_by_feel(page, watch=lambda: None):
     end = time.monotonic() + DEADLINE
     while "recording" in text_of(page, "status"):
         assert time.monotonic() < end, text_of(page, "status")
-        watch()
         time.sleep(0.1)
 
 
-def push(page, load, watch=lambda: None):
+def push(page, load):
     """Starts a demonstration and feeds the peg as it is, until the contact load (N) is shown."""
     tap(page, " ")
     wait_for_text(page, "status", "recording")
@@ -59,5 +58,4 @@ def push(page, load, watch=lambda: None):
     while float(text_of(page, "contact-peak").removesuffix(" N")) < load and "recording" in text_of(page, "status"):
         assert time.monotonic() < end, text_of(page, "contact-load")
         tap(page, "w")
-        watch()
         time.sleep(0.05)
