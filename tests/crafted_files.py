@@ -6,7 +6,6 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -23,17 +22,12 @@ def sealed_parquet(table: pa.Table, metadata: dict[str, str | bytes]) -> bytes:
     return seal(sink.getvalue().to_pybytes())
 
 
-def contents(path: Path, kind: str) -> tuple[pd.DataFrame, dict]:
-    """Table and header of a recording or a run."""
-    table = pq.read_table(path)
-    return table.to_pandas(), json.loads(table.schema.metadata[kind.encode()])
-
-
 def rewrite(path: Path, kind: str, change=None, **header) -> Path:
     """Rewrites a file with its table passed through ``change`` and these entries of its header."""
-    frame, old = contents(path, kind)
-    frame = frame if change is None else change(frame)
-    table = pa.Table.from_pandas(frame, preserve_index=False)
+    table = pq.read_table(path)
+    old = json.loads(table.schema.metadata[kind.encode()])
+    if change is not None:
+        table = pa.Table.from_pandas(change(table.to_pandas()), preserve_index=False)
     path.write_bytes(sealed_parquet(table, {kind: json.dumps({**old, **header})}))
     return path
 

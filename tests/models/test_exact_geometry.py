@@ -105,12 +105,10 @@ def test_contact_points_lie_on_both_bodies_and_normals_are_unit_vectors(values):
     assert np.hypot(*contacts[touching, 1:3].T) == pytest.approx(R, abs=1e-12)
 
 
-@pytest.mark.parametrize("degrees", [0.2, 0.5, 1.0, 2.0, 3.0, 5.0])
+@pytest.mark.parametrize("degrees", [0.5, 1.0, 2.0, 3.0, 5.0])
 def test_two_point_contact_begins_exactly_at_the_two_point_depth(degrees):
     t = np.radians(degrees)
     h = float(two_point_depth(t, peg_radius=r, hole_radius=R))
-    if h + C > DEPTH:
-        pytest.skip("deeper than the bore")
     p, a = pose(0.0, t, -R + r * np.cos(t), 0.0, -C - h)
     assert DUT.gap(p, a)[0] == pytest.approx(0.0, abs=1e-12)
     assert DUT.label(p, a, tolerance=1e-9)[0] == ContactLabel.TWO_POINT

@@ -199,11 +199,9 @@ def test_bodies_that_are_no_peg_and_hole_are_refused_with_the_reason(tmp_path, o
         pair(tmp_path, own, hole)
 
 
-def test_files_in_inches_are_refused_until_the_unit_is_given(tmp_path):
+def test_files_in_inches_are_read_if_the_unit_is_given(tmp_path):
     bodies = peg(circle(8.0)), block(circle(8.05))
     files = [save(body, tmp_path / f"{k}.stl", scale=1.0 / 25.4) for k, body in enumerate(bodies)]
-    with pytest.raises(ValueError, match="is the file in inches"):
-        fit(*map(read_solid, files))
     assert fit(*(read_solid(file, "inch") for file in files)).clearance == pytest.approx(5e-5, abs=2e-8)
 
 
