@@ -78,14 +78,16 @@ def main(
     from experiments.outputs.output_set import RUNS, SetIndex, open_set
     from experiments.provenance import versions
     from experiments.trial.trial_result import TrialResult
+    from interfaces.robots.arm_wrench import ArmWrench
     from interfaces.robots.insertion import ArmSession
-    from interfaces.robots.open_arm import estimated_wrench, open_arm
+    from interfaces.robots.open_arm import open_arm
     from interfaces.sensors.open_sensor import open_sensor
     from interfaces.terminal import progress, say
     from models.scenario import dump_scenario, load_scenario
     from skill.data.outcome import Outcome
     from skill.data.rig_run import write_rig_run
     from skill.manipulation_skill import ManipulationSkill
+    from systems.arm.kinematics import ArmKinematics
 
     skill = find_skill(skill)
     policy, chosen = ManipulationSkill.load(skill), load_scenario(scenario or robot)
@@ -106,7 +108,7 @@ def main(
     with contextlib.ExitStack() as stack:
         arm = open_arm(address, chosen)
         stack.callback(arm.close)
-        stream = open_sensor(sensor, estimated_wrench(arm, chosen))
+        stream = open_sensor(sensor, ArmWrench(arm, ArmKinematics(chosen)))
         stack.callback(stream.close)
         stack.callback(arm.stop)  # first of all, whatever happens
         session = ArmSession(arm, stream, chosen)

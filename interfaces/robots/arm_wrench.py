@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 import numpy as np
 
 from interfaces.robots.robot_arm import RobotArm
 from interfaces.sensors.wrench_stream import Reading, StreamCounts
-from skill.arrays import Array
+from systems.arm.kinematics import FLANGE_TO_SENSOR, ArmKinematics
 
 
 class ArmWrench:
-    """A `WrenchStream` of what an arm estimates, in a frame S that is fixed to its flange F.
+    """A `WrenchStream` of what an arm estimates, as if a sensor stood at its place on the flange.
 
     A reading is sound while the arm has no fault. Its time is when `latest` has first seen the state.
 
     Args:
         arm: stays open when the stream ends.
-        pose: a function of the joint angles (n,), rad, that returns the orientation R_OS (3, 3) of S in the base O of
-            the arm, and the position p_FS_O (3,) of S from F along the axes of O, m.
+        kinematics: of the arm; the axes of the sensor are those of the peg.
     """
 
-    def __init__(self, arm: RobotArm, pose: Callable[[Array], tuple[Array, Array]]) -> None:
-        self._arm, self._pose = arm, pose
+    def __init__(self, arm: RobotArm, kinematics: ArmKinematics) -> None:
+        self._arm, self._kinematics = arm, kinematics
         self._latest: Reading | None = None
         self._arm_time: float | None = None
         self._received = self._faulty = 0
@@ -40,8 +38,9 @@ class ArmWrench:
             self._arm_time = state.time
             self._received += 1
             self._faulty += bool(state.fault)
-            R_OS, p_FS_O = self._pose(state.angles)
-            force, moment = state.wrench[:3], state.wrench[3:] - np.cross(p_FS_O, state.wrench[:3])
+            R_OS = self._kinematics.tip(state.angles).rotation().matrix()
+            force, moment = state.wrench[:3], state.wrench[3:]
+            moment = moment + FLANGE_TO_SENSOR * np.cross(R_OS[:, 2], force)
             self._latest = Reading(time.monotonic(), np.concatenate([force @ R_OS, moment @ R_OS]), not state.fault)
         return self._latest
 

@@ -24,7 +24,7 @@ from systems.arm.arm_bodies import PERIOD
 from systems.arm.arm_diagram import stopping_of
 from systems.arm.arm_law import ArmLaw
 from systems.arm.kinematics import FLANGE_TO_SENSOR, ArmKinematics
-from systems.arm.tip import HEIGHT, TipLimits, tip_step
+from systems.arm.tip import HEIGHT, tip_step
 from systems.arm.tip_servo import height_along, tip_at, tip_pose
 from systems.law.faults import Fault
 from systems.law.wrench_sensor import wrench_at_tip
@@ -173,7 +173,6 @@ class ArmSession:
 
     def _perform(self, law: ArmLaw, forces: ForceMetrics, tips: list[Array]) -> Ending:
         """Moves as the law says until the insertion ends, and returns how."""
-        limits = TipLimits.of(self.scenario.arm, PERIOD)
         tip, ending = tip_at(self.scenario.start.height), None
         state = self._arm.state()
         followed = state.time
@@ -188,7 +187,7 @@ class ArmSession:
                 tips.append(X_WP.translation())
             angles, feed = law.commands()
             push = X_WP.rotation() @ law.wrench()[:3]
-            tip = tip_step(limits._replace(period=seconds), tip, feed, push[:2])
+            tip = tip_step(self.scenario.arm, seconds, tip, feed, push[:2])
             self._commanded = angles, tip
             followed = self._follow(tip_pose(angles, tip), state, followed)
             ending = self._ending(law, depth)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
 from pydrake.math import RigidTransform
 
-from interfaces.robots.arm_wrench import ArmWrench
 from interfaces.robots.franky_arm import FrankyArm, ImpedanceArm
 from interfaces.robots.robot_arm import RobotArm
 from interfaces.robots.ur_arm import UrArm
 from models.arm import FR3, UR5E
 from models.scenario import Scenario
-from skill.arrays import Array
-from systems.arm.kinematics import FLANGE_TO_SENSOR, ArmKinematics
+from systems.arm.kinematics import ArmKinematics
 
 
 def open_arm(host: str, scenario: Scenario) -> RobotArm:
@@ -37,14 +34,3 @@ def open_arm(host: str, scenario: Scenario) -> RobotArm:
             raise ValueError(
                 f"scenario.carrier is {other!r}; expected an arm, {FR3!r}, or {UR5E!r} without arm.impedance"
             )
-
-
-def estimated_wrench(arm: RobotArm, scenario: Scenario) -> ArmWrench:
-    """Returns the arm's own estimate as if a sensor of the scenario stood at its place on the flange."""
-    kinematics = ArmKinematics(scenario)
-
-    def pose(angles: Array) -> tuple[Array, Array]:
-        R = kinematics.tip(angles).rotation().matrix()
-        return R, np.asarray(-FLANGE_TO_SENSOR * R[:, 2])
-
-    return ArmWrench(arm, pose)

@@ -15,7 +15,7 @@ from skill.arrays import Array
 from skill.data.axes import AXES
 from systems.arm.arm_bodies import PERIOD
 from systems.arm.kinematics import ArmKinematics
-from systems.arm.tip import HEIGHT, SIZE, TipLimits, X, Y, tip_step
+from systems.arm.tip import HEIGHT, SIZE, X, Y, tip_step
 
 
 def tip_pose(angles: Array, tip: Array) -> RigidTransform:
@@ -76,7 +76,6 @@ class TipServo(LeafSystem):
     def __init__(self, scenario: Scenario, kinematics: ArmKinematics, *, held_weight: float) -> None:
         super().__init__()
         self._arm, self._kinematics, self._weight = scenario.arm, kinematics, held_weight
-        self._limits = TipLimits.of(scenario.arm, PERIOD)
         self._targets = [self.DeclareVectorInputPort(f"target_{name}", 1) for name in AXES]
         self._feed = self.DeclareVectorInputPort("feed_speed", 1)
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
@@ -106,7 +105,7 @@ class TipServo(LeafSystem):
         start = context.get_abstract_parameter(self._start).get_value()
         angles = start + np.array([port.Eval(context)[0] for port in self._targets])
         push = tip_pose(angles, tip).rotation() @ self._wrench.Eval(context)[:3]
-        tip = tip_step(self._limits, tip, self._feed.Eval(context)[0], push[:2])
+        tip = tip_step(self._arm, PERIOD, tip, self._feed.Eval(context)[0], push[:2])
         q = rows[0] + self._kinematics.motion_to(rows[0], tip_pose(angles, tip))
         discrete_state.set_value(self._tip, tip)
         discrete_state.set_value(self._angles, np.vstack([q, rows[:-1]]).ravel())

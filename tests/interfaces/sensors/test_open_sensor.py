@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform, RotationMatrix
 
 from interfaces.robots.arm_wrench import ArmWrench
 from interfaces.robots.robot_arm import ArmState
@@ -18,35 +19,29 @@ class StillArm:
         self.time, self.wrench, self.fault = 0.0, np.array(wrench), ""
 
     def state(self):
-        return ArmState(self.time, np.array([0.5, 0.0]), np.zeros(2), self.wrench, self.fault)
+        return ArmState(self.time, np.array([0.5 * np.pi, 0.0]), np.zeros(2), self.wrench, self.fault)
 
 
-@pytest.mark.parametrize(
-    ("height", "moment"),
-    [
-        (-0.1, [0.0, 0.0, 0.0]),  # the sensor is where the force acts
-        (-0.05, [0.0, -0.5, 0.0]),  # halfway to the flange: 0.5 N m about x of the base are about minus y of the sensor
-    ],
-)
-def test_the_wrench_is_moved_along_the_lever_and_turned_at_the_angles_of_the_arm(height, moment):
+class Kinematics:
+    """Those of an arm whose sensor is turned about z by its first joint."""
+
+    def tip(self, angles):
+        return RigidTransform(RotationMatrix.MakeZRotation(angles[0]), np.zeros(3))
+
+
+def test_the_wrench_is_moved_along_the_lever_and_turned_at_the_angles_of_the_arm():
     """10 N along y of the base act 0.1 m below the flange: (0, 0, -0.1) x (0, 10, 0) = (1, 0, 0) N m about it.
 
-    The sensor is turned by 90 deg about z, and its x axis points along y of the base.
+    The sensor is 40 mm below the flange, where 0.6 N m are left. It is turned by 90 deg about z: its x axis points
+    along y of the base, and x of the base along its minus y.
     """
-    asked, R_OS = [], np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-
-    def pose(angles):
-        asked.append(angles)
-        return R_OS, np.array([0.0, 0.0, height])
-
-    stream = ArmWrench(StillArm([0.0, 10.0, 0.0, 1.0, 0.0, 0.0]), pose)
-    np.testing.assert_allclose(stream.latest().wrench, [10.0, 0.0, 0.0, *moment], atol=1e-12)
-    np.testing.assert_array_equal(asked, [[0.5, 0.0]])
+    stream = ArmWrench(StillArm([0.0, 10.0, 0.0, 1.0, 0.0, 0.0]), Kinematics())
+    np.testing.assert_allclose(stream.latest().wrench, [10.0, 0.0, 0.0, 0.0, -0.6, 0.0], atol=1e-12)
 
 
 def test_a_reading_is_as_old_as_the_state_of_the_arm():
     arm = StillArm([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    stream = ArmWrench(arm, lambda angles: (np.eye(3), np.zeros(3)))
+    stream = ArmWrench(arm, Kinematics())
     first = stream.latest()
     assert 0.0 <= time.monotonic() - first.time < 0.5
     assert stream.latest() is first
@@ -71,7 +66,7 @@ def test_ports_that_are_not_named_are_those_of_the_sensors(monkeypatch, url, ope
 
 
 def test_the_address_of_the_arm_is_its_own_estimate():
-    stream = ArmWrench(StillArm(np.zeros(6)), lambda angles: (np.eye(3), np.zeros(3)))
+    stream = ArmWrench(StillArm(np.zeros(6)), Kinematics())
     assert open_sensor("arm:", stream) is stream
     with pytest.raises(ValueError, match="sensor 'arm:': there is no arm that estimates a wrench"):
         open_sensor("arm:")
