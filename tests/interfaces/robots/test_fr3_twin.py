@@ -62,12 +62,12 @@ def loopback_address():
 class Served:
     """A twin that a thread serves, with what its arm does."""
 
-    def __init__(self, seed=3, trials=TrialSet.USUAL, **changes):
+    def __init__(self, **changes):
         self.scenario = load_scenario("fr3")
         for name, value in changes.items():
             setattr(self.scenario.arm, name, value)
         self.host, self.holes, self.rates = loopback_address(), [], []
-        self.twin = Fr3Twin(self.scenario, seed=seed, trials=trials, host=self.host, ended=self.holes.append)
+        self.twin = Fr3Twin(self.scenario, seed=3, trials=TrialSet.USUAL, host=self.host, ended=self.holes.append)
         self.thread = threading.Thread(target=self._serve, daemon=True)
         self.is_over = self.is_silent = False
 
@@ -118,6 +118,12 @@ def served(request, monkeypatch):
         yield twin
 
 
+@pytest.fixture
+def arm(served):
+    with contextlib.closing(FrankyArm(served.host, served.scenario.arm.joint_stiffness)) as arm:
+        yield arm
+
+
 @pytest.fixture(scope="module")
 def skill():
     """The skill that comes with the program, for the hole of the scenario."""
@@ -126,17 +132,14 @@ def skill():
 
 @contextlib.contextmanager
 def session_with(twin):
-    arm = open_arm(twin.host, twin.scenario)
-    sensor = NetFt(twin.host, port=SENSOR_PORT, http_port=SENSOR_PAGE_PORT)
-    try:
+    with (
+        contextlib.closing(open_arm(twin.host, twin.scenario)) as arm,
+        contextlib.closing(NetFt(twin.host, port=SENSOR_PORT, http_port=SENSOR_PAGE_PORT)) as sensor,
+    ):
         yield ArmSession(arm, sensor, twin.scenario)
-    finally:
-        sensor.close()
-        arm.close()
 
 
-def test_the_joints_move_to_angles_and_follow_a_motion(served):
-    arm = FrankyArm(served.host, served.scenario.arm.joint_stiffness)
+def test_the_joints_move_to_angles_and_follow_a_motion(arm):
     start = arm.state()
     arm.move_to(start.angles + 0.02, 0.6)
     # The friction of a joint over its stiffness, and its part of an uncompensated weight.
@@ -153,7 +156,6 @@ def test_the_joints_move_to_angles_and_follow_a_motion(served):
         errors.append(state.angles - begin.angles - 0.02 * (1.0 - np.cos(3.0 * t)))
     arm.stop()
     assert np.abs(errors).max() < 1e-3
-    arm.close()
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "without commands"])
@@ -194,9 +196,8 @@ def test_a_silent_sensor_stops_an_insertion(served, skill):
         assert served.time_to_stop(since[0], np.sign(at_that_time)) < STOP_TIME
 
 
-def test_a_limit_of_the_arm_stops_it_by_itself(served):
+def test_a_limit_of_the_arm_stops_it_by_itself(served, arm):
     """The arm presses on the block beside the hole, until its own estimate passes the limit of its force."""
-    arm = FrankyArm(served.host, served.scenario.arm.joint_stiffness)
     beside = tip_at(0.005)
     beside[X] = 0.02
     pressed = beside.copy()
@@ -207,7 +208,6 @@ def test_a_limit_of_the_arm_stops_it_by_itself(served):
         arm.move_to(below, 0.1)
     force = served.twin.arm.reading()[2]
     assert FRANKA_LIMIT < force < 1.5 * FRANKA_LIMIT
-    arm.close()
 
 
 @pytest.mark.parametrize(
@@ -217,20 +217,20 @@ def test_a_limit_of_the_arm_stops_it_by_itself(served):
         (fr3_twin.COMMUNICATION, "communication_constraints_violation"),
     ],
 )
-def test_an_error_has_the_name_that_libfranka_gives_it(served, place, name):
-    arm = FrankyArm(served.host, served.scenario.arm.joint_stiffness)
+def test_an_error_has_the_name_that_libfranka_gives_it(served, arm, place, name):
     served.twin._server.robot_servers[0]._errors = (place,)
     end = time.monotonic() + 5.0
     while not (fault := arm.state().fault) and time.monotonic() < end:
         time.sleep(0.01)
     assert fault == f'["{name}"]'
-    arm.close()
 
 
 def test_a_flange_under_impedance_gives_way_by_its_stiffness():
     """What hangs on the sensor is not told to the arm: the flange sags by its weight over the stiffness."""
-    with Served(impedance=[2000.0, 200.0], gravity_error=0.0) as served:
-        arm = open_arm(served.host, served.scenario)
+    with (
+        Served(impedance=[2000.0, 200.0], gravity_error=0.0) as served,
+        contextlib.closing(open_arm(served.host, served.scenario)) as arm,
+    ):
         kinematics = served.twin.arm.kinematics
         held = start = arm.state()
         while held.time < start.time + 1.0:
@@ -240,7 +240,6 @@ def test_a_flange_under_impedance_gives_way_by_its_stiffness():
         sag = kinematics.flange(start.angles).translation() - kinematics.flange(held.angles).translation()
         np.testing.assert_allclose(sag[2], served.twin.arm.held_weight / 2000.0, rtol=0.3)  # friction holds some of it
         arm.stop()
-        arm.close()
 
 
 @pytest.mark.nightly  # the command arm inserts one every day, by the same session
