@@ -11,7 +11,8 @@ from skill.data.demonstration import read_demonstration
 from systems.operators.loopback_device import insertion
 from tests.interfaces.live.live_session import QUICK, live
 from tests.interfaces.live.raw_client import RawClient, frame
-from tests.systems.operators.inverse_service import Service, served, wait_until
+from tests.systems.operators.inverse_service import Service, served
+from tests.waiting import until
 
 SCENARIO = {
     **QUICK,
@@ -45,7 +46,7 @@ def test_demonstrations_with_an_inverse3_are_kept_and_a_lost_service_is_one_line
         session.wait_for("ready: press Space")
         press(START)
         session.wait_for("(?<!recording): G keep as good", 120.0)
-        wait_until(lambda: not service.forces[-1].any())  # the demonstration is over
+        assert until(lambda: not service.forces[-1].any())  # the demonstration is over
         press(GOOD)
         session.wait_for("kept 000_good_live.parquet", 20.0)
         sizes = np.linalg.norm(service.forces, axis=1)
@@ -58,7 +59,7 @@ def test_demonstrations_with_an_inverse3_are_kept_and_a_lost_service_is_one_line
             time.sleep(0.5)
             return len(service.forces) > ticks + 100
 
-        wait_until(has_begun, 30.0)
+        assert until(has_begun, 30.0)
         service.stop()
         found = session.wait_for(r"device lost \(device driver 'inverse3': Haply Inverse Service at 127\S+ .*\)", 30.0)
         assert "Traceback" not in found.string

@@ -29,6 +29,7 @@ from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
 from systems.arm.tip import HEIGHT, X
 from systems.arm.tip_servo import tip_at, tip_pose
+from tests.waiting import until
 
 pytestmark = pytest.mark.slow
 STOP_TIME = 0.05  # in units of s
@@ -87,8 +88,7 @@ class Served:
 
     def __enter__(self):
         self.thread.start()
-        while not self.rates:
-            time.sleep(0.01)
+        assert until(lambda: self.rates)
         return self
 
     def __exit__(self, *_):
@@ -101,13 +101,9 @@ class Served:
 
         The joints then swing back a little, and rest after some 0.1 s.
         """
-        deadline = time.monotonic() + 20.0
-        while time.monotonic() < deadline:
-            moving = [t for t, rates in list(self.rates) if t > since and (directions * rates > 0.02).any()]
-            if self.twin.arm.time > since + 0.3:
-                return max(moving, default=since) - since
-            time.sleep(0.02)
-        raise AssertionError("the clock of the arm stands")
+        assert until(lambda: self.twin.arm.time > since + 0.3, 20.0)
+        moving = [t for t, rates in list(self.rates) if t > since and (directions * rates > 0.02).any()]
+        return max(moving, default=since) - since
 
 
 @pytest.fixture
@@ -165,9 +161,7 @@ def test_an_arm_whose_program_is_gone_stops(served, how):
     )
     try:
         assert client.stdout.readline() == b"moves\n"
-        while served.rates[-1][1].min() < 0.15:
-            assert client.poll() is None, "the program has ended by itself"
-            time.sleep(0.005)
+        assert until(lambda: served.rates[-1][1].min() > 0.15)
         since = served.twin.arm.time
         client.send_signal(how)
         assert served.time_to_stop(since, np.ones(7)) < STOP_TIME
@@ -182,8 +176,7 @@ def test_a_silent_sensor_stops_an_insertion(served, skill):
         since = []
 
         def fall_silent():
-            while served.twin.arm.peg_in_hole().translation()[2] > 0.0022:
-                time.sleep(0.001)
+            assert until(lambda: served.twin.arm.peg_in_hole().translation()[2] < 0.0022, 60.0)
             served.is_silent = True
             since.append(served.twin.arm.time)
 
@@ -219,10 +212,7 @@ def test_a_limit_of_the_arm_stops_it_by_itself(served, arm):
 )
 def test_an_error_has_the_name_that_libfranka_gives_it(served, arm, place, name):
     served.twin._server.robot_servers[0]._errors = (place,)
-    end = time.monotonic() + 5.0
-    while not (fault := arm.state().fault) and time.monotonic() < end:
-        time.sleep(0.01)
-    assert fault == f'["{name}"]'
+    assert until(lambda: arm.state().fault == f'["{name}"]')
 
 
 def test_a_flange_under_impedance_gives_way_by_its_stiffness():

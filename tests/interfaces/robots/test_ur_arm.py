@@ -21,7 +21,7 @@ from tests.interfaces.robots.fake_rtde import (
     STOPJ,
     FakeUr,
 )
-from tests.interfaces.sensors.waiting import until
+from tests.waiting import until
 
 pytestmark = pytest.mark.slow  # the package waits half a second at the end of a connection
 

@@ -10,7 +10,7 @@ from interfaces.sensors import net_ft
 from interfaces.sensors.net_ft import ERROR, OUT_OF_RANGE, RECORD, NetFt, parse_calibration
 from interfaces.sensors.net_ft_server import NetFtServer
 from interfaces.sensors.wrench_stream import WINDOW, WRAP, RecordOrder, StreamCounts
-from tests.interfaces.sensors.waiting import until
+from tests.waiting import until
 
 WRENCH = (1.0, -2.0, 3.0, 1e-4, 2e-4, -3e-4)
 

@@ -10,7 +10,7 @@ import pytest
 
 from interfaces.sensors.rtde_wrench import PORT, RtdeWrench
 from tests.interfaces.robots.fake_rtde import FakeUr
-from tests.interfaces.sensors.waiting import until
+from tests.waiting import until
 
 PROTECTIVE_STOP = 1 << 2
 

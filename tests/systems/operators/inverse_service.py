@@ -3,7 +3,6 @@
 import asyncio
 import json
 import threading
-import time
 from collections import deque
 from contextlib import contextmanager, suppress
 
@@ -161,11 +160,3 @@ def served(service, monkeypatch):
         with suppress(RuntimeError):  # a test has stopped it
             service.stop()
         thread.join(10.0)
-
-
-def wait_until(condition, seconds=10.0):
-    """Waits for a condition."""
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.01)
-    assert condition()

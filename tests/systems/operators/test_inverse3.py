@@ -17,7 +17,8 @@ from systems.servo.served_environment import MakeServedEnvironment
 from systems.servo.servo_diagram import MakeServo
 from systems.virtual_environment import start_pose
 from tests.lockstep import lockstep
-from tests.systems.operators.inverse_service import Service, served, wait_until
+from tests.systems.operators.inverse_service import Service, served
+from tests.waiting import until
 
 RIGHT, AWAY, UP = np.eye(3)
 PEAK = DEVICE_PRESETS["inverse3"].peak_force
@@ -100,7 +101,7 @@ def test_the_force_is_zero_after_closing_and_closing_twice_does_no_harm(service,
     device.write_wrench(wrench(3.0 * UP))
     device.close()
     device.close()
-    wait_until(lambda: not service.clients)
+    assert until(lambda: not service.clients)
     assert service.forces[-2:] == [pytest.approx(3.0 * UP), pytest.approx(np.zeros(3))]
     with pytest.raises(OSError, match="Haply Inverse Service at 127"):
         device.read_pose()
@@ -113,7 +114,7 @@ def test_each_tick_reads_the_newest_state_and_sends_the_force_that_belongs_to_it
         X = device.read_pose()
         assert X.translation()[2] == pytest.approx(service.position()[2], abs=1e-15)
         device.write_wrench(wrench(0.1 * k * UP))
-        wait_until(lambda: service.forces[-1][2] == pytest.approx(0.1 * k))  # noqa: B023
+        assert until(lambda: service.forces[-1][2] == pytest.approx(0.1 * k))  # noqa: B023
     assert len(service.forces) == 11  # with the first reading
 
 
@@ -228,7 +229,7 @@ def test_what_is_lost_is_one_line_and_ends_the_force(service, case):
         tick_on(device)
     assert "\n" not in str(raised.value)
     device.close()
-    wait_until(lambda: not service.clients)
+    assert until(lambda: not service.clients)
     if case != "the service hangs up":
         assert not service.forces[-1].any()
 
@@ -249,7 +250,7 @@ def test_a_device_that_is_closed_while_it_waits_says_so(service, device):
     threading.Timer(0.1, device.close).start()
     with pytest.raises(OSError, match=r"127.*: it did not answer in time"):
         device.read_pose()
-    wait_until(lambda: not service.clients)
+    assert until(lambda: not service.clients)
     assert not service.forces[-1].any()
 
 

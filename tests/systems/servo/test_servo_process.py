@@ -20,6 +20,7 @@ from systems.servo.own_time import LONGEST_LOOK, OwnTime
 from systems.servo.servo_client import SILENCE, ServoClient
 from systems.servo.servo_process import REST, REST_SHARE, STALL, Pace, WatchedDevice
 from systems.servo.shared_value import CHECKED, SharedValue
+from tests.waiting import until
 
 ROOT = Path(__file__).resolve().parents[3]
 DRIVERS = "tests.systems.servo.drivers"
@@ -186,9 +187,7 @@ def test_a_servo_whose_session_has_died_lets_the_device_go_and_ends(tmp_path):
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "CLOSED": str(closed)}
     found = subprocess.run([sys.executable, str(script)], env=environment, capture_output=True, text=True, timeout=120)
     assert found.stdout.strip().isdigit(), found.stderr
-    end = time.monotonic() + 20.0
-    while not closed.exists() and time.monotonic() < end:
-        time.sleep(0.05)
+    assert until(closed.exists, 20.0)
     assert closed.read_text() == str([0.0] * 6)
 
 

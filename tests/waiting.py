@@ -1,9 +1,9 @@
-"""Waiting for what another thread does."""
+"""Waiting for what another thread or process does."""
 
 import time
 
 
-def until(condition, seconds=5.0):
+def until(condition, seconds=10.0):
     """Waits until a condition holds, and returns whether it does."""
     end = time.monotonic() + seconds
     while not condition() and time.monotonic() < end:
