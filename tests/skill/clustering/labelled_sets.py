@@ -98,50 +98,43 @@ def insertion(seed: int, N: int = 3000, T: int = 30) -> tuple[Samples, Labels]:
     nearly zero in free motion. A larger N means a higher sampling rate, not more demonstrations.
     """
     rng = np.random.default_rng(seed)
-    shares = np.array([0.22, 0.16, 0.18, 0.12, 0.26, 0.06])
     X, y = [], []
     for _ in range(T):
-        counts = np.maximum(4, np.round(N // T * shares * rng.uniform(0.7, 1.3, 6))).astype(int)
+        counts = np.maximum(4, np.round(N // T * SHARES * rng.uniform(0.7, 1.3, 6))).astype(int)
         offset = rng.normal(0, 1.0, 2)
         axis = rng.normal(size=3) * [1, 1, 0.15]
         axis /= np.linalg.norm(axis)
         tilt = abs(rng.normal(0.10, 0.02))
         for state, n in enumerate(counts):
-            position, force, angle = _visit(state, np.linspace(0, 1, n), offset, tilt)
-            force = force + rng.normal(0, 0.15 if state else 0.01, force.shape)
-            lever = np.array([0, 0, 15.0]) + rng.normal(0, 0.2, (n, 3))
-            moment = np.cross(lever, force)
+            begin, end = VISITS[state]
+            across, z, pushed, fz, turned = (begin + np.linspace(0, 1, n)[:, None] * np.subtract(end, begin)).T
+            position = np.column_stack([np.outer(across, offset), z]) + rng.normal(0, 0.03, (n, 3))
+            force = np.column_stack([np.outer(pushed, offset), fz]) + rng.normal(0, 0.15 if state else 0.01, (n, 3))
+            moment = np.cross(np.array([0, 0, 15.0]) + rng.normal(0, 0.2, (n, 3)), force)
             axes = axis + rng.normal(0, 0.02, (n, 3))
             axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-            angle = angle + rng.normal(0, 0.002, n)
+            angle = tilt * turned + rng.normal(0, 0.002, n)
             change = np.diff(angle, prepend=angle[0] + rng.normal(0, 0.003))
-            position = position + rng.normal(0, 0.03, position.shape)
             X.append(np.column_stack([position, force, moment, axes, angle, change]))
             y.append(np.full(n, state))
     return np.vstack(X), np.concatenate(y)
 
 
-def _visit(state: int, u: Array, offset: Array, tilt: float) -> tuple[Array, Array, Array]:
-    """Position (n, 3), force (n, 3) and angle (n,) during one state; u (n,) in [0, 1] is the progress through it."""
-    a, b = offset
-    one = np.ones_like(u)
-    if state == 0:  # free approach
-        return np.c_[a * (1 - 0.2 * u), b * (1 - 0.2 * u), 30 - 28 * u], np.zeros((len(u), 3)), tilt * one
-    if state == 1:  # sliding on the face
-        position = np.c_[a * (0.8 - 0.3 * u), b * (0.8 - 0.3 * u), 2 * one]
-        return position, np.c_[0.3 * a * one, 0.3 * b * one, 4 + 1.5 * np.sin(6 * u)], tilt * (1 - 0.1 * u)
-    if state == 2:  # on the chamfer
-        position = np.c_[a * (0.5 - 0.4 * u), b * (0.5 - 0.4 * u), 2 - 1.0 * u]
-        force = np.c_[1.6 * a * (1 - 0.3 * u), 1.6 * b * (1 - 0.3 * u), 2.0 + 0.3 * u]
-        return position, force, tilt * (0.9 - 0.4 * u)
-    if state == 3:  # two-point contact
-        position = np.c_[a * 0.1 * one, b * 0.1 * one, 1 - 0.5 * u]
-        return position, np.c_[2.5 * np.sign(a) * one, 0.4 * b * one, 7 + u], tilt * (0.5 - 0.1 * u)
-    if state == 4:  # insertion
-        position = np.c_[a * 0.03 * one, b * 0.03 * one, 0.5 - 20 * u]
-        return position, np.c_[0.5 * a * one, 0.5 * b * one, 1.2 + 0.8 * u], tilt * (0.4 - 0.38 * u)
-    position = np.c_[a * 0.03 * one, b * 0.03 * one, -19.5 * one]  # on the bottom
-    return position, np.c_[0.1 * a * one, 0.1 * b * one, 12 * one], tilt * 0.02 * one
+SHARES = np.array([0.22, 0.16, 0.18, 0.12, 0.26, 0.06])
+"""Of the time of a demonstration, of each state."""
+
+VISITS = np.array(
+    [
+        [[1.00, 30.0, 0.0, 0.0, 1.00], [0.80, 2.0, 0.0, 0.0, 1.00]],  # free approach
+        [[0.80, 2.0, 0.3, 4.0, 1.00], [0.50, 2.0, 0.3, 5.5, 0.90]],  # sliding on the face
+        [[0.50, 2.0, 1.6, 2.0, 0.90], [0.10, 1.0, 1.1, 2.3, 0.50]],  # on the chamfer
+        [[0.10, 1.0, 2.5, 7.0, 0.50], [0.10, 0.5, 2.5, 8.0, 0.40]],  # two-point contact
+        [[0.03, 0.5, 0.5, 1.2, 0.40], [0.03, -19.5, 0.5, 2.0, 0.02]],  # insertion
+        [[0.03, -19.5, 0.1, 12.0, 0.02], [0.03, -19.5, 0.1, 12.0, 0.02]],  # on the bottom
+    ]
+)
+"""At the begin and the end of each state: position (mm) and force (N) across, in units of the offset, and along; and
+the angle in units of the initial one."""
 
 
 def demonstrations_and_phase(y: Labels) -> tuple[Labels, Samples]:

@@ -68,3 +68,14 @@ def test_samples_beyond_the_gate_of_their_channels_are_unknown(degrees, channels
     edge = np.eye(d)[:1] * np.sqrt(distance_gate(0.9, d, degrees))
     assert dut.predict(dut.means_[:, :d] + 0.999 * edge, channels, gate=0.9)[0] == 0
     assert dut.predict(dut.means_[:, :d] + 1.001 * edge, channels, gate=0.9)[0] == UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "message"),
+    [((0, 1, 0), 1.0, "upper triangular"), ((0, 0, 0), -1.0, "positive diagonal"), ((0, 0, 1), 9.0, "does not belong")],
+)
+def test_precision_factors_that_do_not_fit_are_refused(place, value, message):
+    arrays = states_of(random_components(0)).to_arrays()
+    arrays["precision_factors"][place] = value
+    with pytest.raises(ValueError, match=message):
+        GaussianStates.from_arrays(arrays)
