@@ -6,30 +6,6 @@ from scipy.spatial.transform import Rotation
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import CanonicalFeatures
 
-DUT = ContactFeatures(force_floor=0.01)
-
-
-def features_of(*contacts, depth, dut=DUT):
-    """Features of walls that push the peg with ``size`` N towards ``angle`` at ``height``, with friction."""
-    wrench = np.zeros(6)
-    for size, angle, height, friction in contacts:
-        outward = np.array([np.cos(angle), np.sin(angle), 0.0])
-        force = size * (outward + friction * np.array([0.0, 0.0, 1.0]))
-        wrench += [*force, *np.cross([0.0, 0.0, height] - dut.peg_radius * outward, force)]
-    return dict(zip(dut.names, dut.transform(np.array([[*wrench, -depth]]))[0], strict=True))
-
-
-def test_a_wedged_peg_has_the_same_features_at_every_depth_and_force():
-    """Nearly a couple: the direction of its wrench follows the depth, and that of its net force is arbitrary."""
-    wedges = [
-        features_of((size, 0.3, 0.0, 0.0), (share * size, 0.3 + np.pi, depth, 0.0), depth=depth)
-        for size in (20.0, 200.0)
-        for share in (0.9, 1.1)
-        for depth in (0.005, 0.01, 0.02)
-    ]
-    found = np.array([[w["tip_force"], w["mouth_force"]] for w in wedges])
-    np.testing.assert_allclose(found, [[0.99, -0.99]] * len(wedges), atol=4e-3)
-
 
 def posed(x, tilt, depth, turned=0.0):
     """One sample of a peg whose tip is at x, tilted about y, pushed along x; all turned about z."""

@@ -22,12 +22,10 @@ def ros1(sec=12, nanosec=500_000_000, frame="ft_link", wrench=WRENCH):
     return struct.pack("<4I", 7, sec, nanosec, len(name)) + name + struct.pack("<6d", *wrench)
 
 
-def series(count=50, write=cdr, topic="/ft", rate=100, start=START):
-    """Messages whose wrench counts up; they are logged 5 ms after their stamp."""
-    for k in range(count):
-        ns = k * 10**9 // rate
-        stamp = (start + ns // 10**9, ns % 10**9) if start else (0, 0)
-        yield topic, START * 10**9 + ns + 5_000_000, write(*stamp, wrench=[k, k + 1, k + 2, k + 3, k + 4, k + 5])
+def series(count=50, write=cdr, topic="/ft", start=START):
+    """Messages at 100 Hz, logged 5 ms after their stamp; without a start they have no stamp."""
+    time = START + np.arange(count) / 100
+    return messages(time if start else np.zeros(count), time + 0.005, frames="ft_link", topic=topic, write=write)
 
 
 def messages(stamps, logged=None, wrenches=None, frames="ft", topic="/ft", write=cdr):
