@@ -76,7 +76,7 @@ def test_the_copy_of_the_results_replaces_no_other_file_of_the_command(tmp_path,
         ("practise", "--starts", "99999999999"),
         ("record", "--live", "--overwrite"),
         ("rig", "--skill", "zz\udcff.npz"),  # not UTF-8
-        ("replay", "zz\udcff.parquet", "--no-open"),
+        ("replay", "--out", "zz\udcff.html"),
     ],
 )
 def test_an_impossible_value_of_an_option_is_wrong_usage(tmp_path, monkeypatch, arguments):
