@@ -77,7 +77,7 @@ class CorrectionSession(LiveSession):
         Raises:
             PersonLeftError: if the person has quit or stays away.
         """
-        self._display.show_message(message, BUSY)
+        self._page.show(status=message, phase=BUSY)
         self._display.follow_view_buttons()
         if self._has_left():
             raise PersonLeftError

@@ -16,7 +16,7 @@ from interfaces.live.page import LivePage
 from interfaces.live.viewer_scene import ViewerScene
 from models.scenario import Scenario
 from skill.arrays import Array
-from skill.features.measurement import contact_load
+from skill.features.measurement import MEASURED, contact_load
 from skill.policy.policy_observer import Judgement
 from skill.states.state_style import state_colours
 from systems.math.rotation import from_rotation_vector
@@ -44,8 +44,6 @@ VIEWS = {
 }
 CAMERA_TARGET = np.array([0.0, 0.0, 0.004])  # in units of m, in W
 
-WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")  # columns of a sample
-
 
 class ContactLoad:
     """The contact load as the rig's force guard counts it: of the newest sample of a run, and the largest so far.
@@ -64,7 +62,7 @@ class ContactLoad:
 
     def take(self, sample: Mapping[Any, float]) -> None:
         """Takes a sample of the recorder; ignores one that is not finite, of a run that has diverged."""
-        load = contact_load(np.array([sample[name] for name in WRENCH]), self._lever)
+        load = contact_load(np.array([sample[name] for name in MEASURED[:6]]), self._lever)
         if math.isfinite(load):
             self.load, self.peak = load, max(self.peak, load)
 
@@ -103,10 +101,6 @@ class LiveDisplay:
         page.scene.SetProperty("/Lights/AmbientLight/<object>", "intensity", 0.9)
         page.show(motion=moves_hand)
         self.reset_camera()
-
-    def show_message(self, message: str, phase: str | None = None) -> None:
-        """Shows a line of text over the scene; a phase of the session begins with it, if one is given."""
-        self._page.show(status=message, **({} if phase is None else {"phase": phase}))
 
     def draw_start(self, scenario: Scenario) -> None:
         """Draws peg and hole as they are at the start of a resolved scenario."""

@@ -292,7 +292,7 @@ class LiveSession:
 
     def say(self, message: str, phase: str | None = None) -> None:
         """Shows a message on the page and on the console; a phase begins, if one is given."""
-        self._display.show_message(message, phase)
+        self._page.show(status=message, **({} if phase is None else {"phase": phase}))
         self._announce(message)
 
     def _close_servo(self) -> None:

@@ -6,7 +6,7 @@ import html
 import io
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from string import Template
 from typing import TYPE_CHECKING, Any
@@ -37,11 +37,6 @@ def fill_page(name: str, *, title: str, assets: Sequence[str], style: str = "", 
         body=Template(_read(f"{name}.html")).substitute(values, title=title),
         script=script + _read(f"{assets[-1]}.js"),
     )
-
-
-def tiles(values: Iterable[tuple[str, str]]) -> str:
-    """Returns the tiles of a summary as HTML: a value and a note, in HTML, for each."""
-    return "".join(f'<div class="panel tile"><b>{value}</b><span>{note}</span></div>' for value, note in values)
 
 
 def definitions(values: Mapping[str, str]) -> str:

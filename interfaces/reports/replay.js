@@ -19,6 +19,8 @@ block.add(lines);
   const animator = viewer.animator, end = data.time.at(-1);
   const byId = id => document.getElementById(id);
   const cells = document.querySelectorAll(".reading"), rows = document.querySelectorAll("[data-phase]");
+  const peg = viewer.scene_tree.find(["meshcat", "peg", "body", "<object>"]).object.material;
+  const EMITTED = 0.25;  // share of the peg's colour, so that shading does not hide it
   const cursor = document.querySelector(".cursor"), timeline = byId("timeline");
   let lastShown = null;
 
@@ -33,8 +35,12 @@ block.add(lines);
     cells.forEach((cell, k) => { cell.textContent = data.readings[k][sample]; });
     rows.forEach(row => row.classList.toggle("now", Number(row.dataset.phase) === data.phase[sample]));
     cursor.style.left = 100 * time / end + "%";
+    const colour = data.colours[data.phase[sample]];
+    peg.color.set(colour);
+    peg.emissive.set(colour).multiplyScalar(EMITTED);
+    viewer.set_dirty();
     const [[x, y], [endX, endY]] = [data.lean[sample], data.lateral[sample]];
-    const shown = { dot: { cx: x, cy: y, fill: data.colours[data.phase[sample]] }, lateral: { x2: endX, y2: endY } };
+    const shown = { dot: { cx: x, cy: y, fill: colour }, lateral: { x2: endX, y2: endY } };
     for (const id in shown) for (const name in shown[id]) byId(id).setAttribute(name, shown[id][name]);
     byId("lateral").style.visibility = Math.hypot(endX, endY) > 0.02 ? "visible" : "hidden";
   }

@@ -37,7 +37,6 @@ ARROW_RADIUS = 0.0007  # in units of m
 HEAD_LENGTH = 0.004  # in units of m; arrows shorter than 1.5 heads are scaled down as a whole
 FACETS = 96  # points on a full circle of the peg
 MARK_SPACING = 0.005  # in units of m, between the rings on the peg
-PEG_EMISSION = 0.25  # share of the peg's colour that is emitted, so that shading does not hide it
 
 OBJECT = "<object>"  # the viewer's name for the object at a path
 
@@ -96,12 +95,11 @@ def draw_scene(motion: Motion) -> PageWindow:
     scene = meshcat.Visualizer(window=window)
     _set_stage(scene)
     _draw_block(scene["hole"], motion.geometry)
-    _draw_peg(scene["peg"], motion)
+    _draw_peg(scene["peg"], motion.geometry)
     animation, scale = Animation(), arrow_scale(motion)
     times = [float(t) for t in motion.time]
     _animate_pose(animation, scene["hole"], times, motion.p_WH, motion.R_WH)
     _animate_pose(animation, scene["peg"], times, motion.p_WP, motion.R_WP)
-    _animate_colour(animation, scene["peg/body"], motion)
     arrows = {  # colour, number of heads, start and vector of each
         "force": (FORCE_COLOUR, 1, motion.p_WP, motion.R_WP.apply(motion.force) / scale.force),
         "moment": (MOMENT_COLOUR, 2, motion.p_WP, motion.R_WP.apply(motion.moment) / scale.moment),
@@ -146,12 +144,11 @@ def _draw_block(node: meshcat.Visualizer, size: PegHoleGeometry) -> None:
     node["body"].set_object(shapes.TriangularMeshGeometry(block.vertices, block.triangles), material)
 
 
-def _draw_peg(node: meshcat.Visualizer, motion: Motion) -> None:
-    size = motion.geometry
+def _draw_peg(node: meshcat.Visualizer, size: PegHoleGeometry) -> None:
+    """Draws the peg; replay.js gives it the colour of the phase."""
     assembly = Assembly.of(size)
     peg = assembly.peg_mesh(FACETS)
-    first_colour = int(motion.colours[motion.phase[0]][1:], 16)
-    material = shapes.MeshPhongMaterial(color=first_colour, shininess=25, flatShading=True)
+    material = shapes.MeshPhongMaterial(shininess=25, flatShading=True)
     node["body"].set_object(shapes.TriangularMeshGeometry(peg.vertices, peg.triangles), material)
     for i, mate in enumerate(assembly.fits):
         mark = mate.peg.scaled(1.0005).polyline(FACETS) + mate.tip[:2]
@@ -210,21 +207,6 @@ def _animate_pose(
     flips = np.sign(np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1]))
     quaternions[1:] *= np.cumprod(np.where(flips == 0, 1.0, flips))[:, None]
     _set_track(animation, node, "quaternion", "quaternion", times, quaternions)
-
-
-def _animate_colour(animation: Animation, node: meshcat.Visualizer, motion: Motion) -> None:
-    colours = np.array([[int(c[i : i + 2], 16) / 255 for i in (1, 3, 5)] for c in motion.colours])
-    changes = np.flatnonzero(np.diff(motion.phase)) + 1
-    times, values = [0.0], [colours[motion.phase[0]]]
-    for k in changes:  # the viewer interpolates: hold the old colour until just before the change
-        times += [float(motion.time[k]) - 1e-4, float(motion.time[k])]
-        values += [colours[motion.phase[k - 1]], colours[motion.phase[k]]]
-    if times[-1] < motion.time[-1]:  # so that all clips end together
-        times.append(float(motion.time[-1]))
-        values.append(values[-1])
-    mesh = node[OBJECT]
-    _set_track(animation, mesh, "material.color", "color", times, values)
-    _set_track(animation, mesh, "material.emissive", "color", times, PEG_EMISSION * np.array(values))
 
 
 def _animate_arrow(

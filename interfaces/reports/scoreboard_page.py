@@ -116,11 +116,9 @@ def address(path: Path, out: Path) -> str:
 
 
 def link(board: Scoreboard, row: Row, out: Path) -> str:
-    """The address of the file of a row's trials, or of their folder if there are several, relative to the page."""
+    """The address of the folder of a row's trials, relative to the page."""
     conditions = row.summary.conditions
-    folder = partition(board.folder, row.summary.policy, conditions.trial_set, conditions.engine)
-    files = list(folder.glob("*.parquet"))
-    return address(files[0], out) if len(files) == 1 else f"{address(folder, out)}/"
+    return address(partition(board.folder, row.summary.policy, conditions.trial_set, conditions.engine), out) + "/"
 
 
 def _contents(tables: list[Table]) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from interfaces.reports.page_template import definitions, fill_page, tiles
+from interfaces.reports.page_template import definitions, fill_page
 from interfaces.reports.result_tables import following_texts
 from interfaces.reports.series import TICKS, bands, curve, drawing
 from skill.arrays import Array
@@ -100,7 +100,9 @@ def states_page(report: StatesReport) -> str:
         title=html.escape(report.title),
         about=html.escape(report.about),
         method=html.escape(report.method),
-        tiles=tiles(_summary(report)),
+        tiles="".join(
+            f'<div class="panel tile"><b>{value}</b><span>{note}</span></div>' for value, note in _summary(report)
+        ),
         table=_state_table(report, chips),
         phases=_phase_table(report.agreement, chips),
         thinned=f" The page contains every {stride}th sample." if stride > 1 else "",

@@ -13,13 +13,13 @@ from interfaces.live.display import (
     NO_HAND,
     SATURATED,
     VIEWS,
-    WRENCH,
     ContactLoad,
     LiveDisplay,
     load_colour,
 )
 from interfaces.live.page import PANEL
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
+from skill.features.measurement import MEASURED
 from skill.policy.policy_observer import Judgement
 from skill.policy.rig_policy import Action
 from systems.math.rotation import from_rotation_vector
@@ -216,7 +216,7 @@ def test_on_the_rig_the_arrow_of_the_skill_follows_the_turned_block_and_the_dial
     assert browser.values["skill"]["tilt"] == {"right": 0.0, "away": 0.0}
 
 
-SAMPLE = dict.fromkeys(WRENCH, 0.0)
+SAMPLE = dict.fromkeys(MEASURED[:6], 0.0)
 
 
 def test_the_load_is_force_and_moment_over_the_radius_of_the_peg():

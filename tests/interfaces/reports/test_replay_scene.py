@@ -261,24 +261,6 @@ def test_poses_are_joined_the_short_way_round(signs):
     np.testing.assert_allclose(found, signs[0] * turns, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("phase", "times", "shown"),
-    [
-        ([1, 0, 0, 2], [0, 0.4999, 0.5, 1.9999, 2], [1, 1, 0, 0, 2]),
-        ([1, 1, 0, 0], [0, 1.2499, 1.25, 2], [1, 1, 0, 0]),  # all clips end together
-        ([2, 2, 2, 2], [0, 2], [2, 2]),
-    ],
-)
-def test_colour_of_the_peg_changes_within_0_1_ms(phase, times, shown):
-    """The viewer interpolates between the times; a quarter of the colour is emitted."""
-    colours = np.array([[0x10, 0x20, 0x30], [0xC0, 0xFF, 0x80], [0x08, 0x51, 0x9C]]) / 255
-    scene = decoded(make_motion(phase=np.array(phase)))
-    for name, share in (("material.color", 1), ("material.emissive", 0.25)):
-        found_times, found = scene.track("peg/body/<object>", name)
-        assert found_times == pytest.approx(times, abs=1e-9)
-        np.testing.assert_allclose(found, share * colours[shown])
-
-
 def test_each_place_of_contact_has_an_arrow_along_its_force_at_a_scale_that_holds_the_largest():
     """At the mouth 2 N towards -x, then 60 N; at the tip 3 N along z; nothing on a face."""
     points, forces = np.zeros((4, 3, 3)), np.zeros((4, 3, 3))
