@@ -37,9 +37,6 @@ PARTS = {WRENCH: ("Wrench", "Vector3", "Vector3"), POSE: ("Pose", "Point", "Quat
 
 BILLION = 1_000_000_000
 
-FRAMES = {"peg": "peg_tip", "hole": "hole", "world": "world"}
-"""Names of the coordinate frames: P, H and W."""
-
 FAULTS = {fault.value: fault.label for fault in Fault}
 
 NUMBER, WHOLE, TEXT, FLAG = ({"type": kind} for kind in ("number", "integer", "string", "boolean"))
@@ -161,7 +158,7 @@ def _cdr(ros: Typestore, time: int, kind: str, frame: str, numbers: Sequence[flo
 
 def _wrench(time: int, motion: Motion, k: int) -> _Message:
     numbers = [*motion.force[k].tolist(), *motion.moment[k].tolist()]
-    return _Message(time, "/wrench", WRENCH, (FRAMES["peg"], numbers))
+    return _Message(time, "/wrench", WRENCH, ("peg_tip", numbers))
 
 
 def _pose(time: int, motion: Motion, k: int, body: str, frame: str) -> _Message:
@@ -169,7 +166,7 @@ def _pose(time: int, motion: Motion, k: int, body: str, frame: str) -> _Message:
     rotation: Rotation
     rotation, position = (motion.R_WP, motion.p_WP) if body == "peg" else (motion.R_WH, motion.p_WH)
     numbers = [*position[k].tolist(), *rotation[k].as_quat(canonical=True).tolist()]
-    return _Message(time, f"/{body}/pose", POSE, (FRAMES[frame], numbers))
+    return _Message(time, f"/{body}/pose", POSE, (frame, numbers))
 
 
 def _state(time: int, topic: str, number: int, name: str, *, known: bool) -> _Message:

@@ -17,7 +17,6 @@ from interfaces.live.session import (
     BUSY,
     IDLE_PERIOD,
     KEYS,
-    READING_PERIOD,
     READY,
     START,
     LiveSession,
@@ -99,8 +98,8 @@ class CorrectionSession(LiveSession):
         """
         self._asked, self._place = query_states, 0
         self._is_shown = self._is_announced = False
-        for place in range(len(query_states)):  # all are checked before the first
-            self._query_state_scenario(place, 0)
+        for query_state in query_states:  # all are checked before the first
+            asked_scenario(self._scenario, [query_state], seed=self._seed, number=0)
         self._buttons.forget_clicks(*KEYS, SKIP)
         self.run()
         if self._place < len(self._asked):
@@ -108,11 +107,8 @@ class CorrectionSession(LiveSession):
 
     def _start(self, number: int) -> Scenario:
         if self._place < len(self._asked):
-            return self._query_state_scenario(self._place, number)
+            return asked_scenario(self._scenario, [self._asked[self._place]], seed=self._seed, number=number)
         return live_scenario(self._scenario, seed=self._seed, number=number)
-
-    def _query_state_scenario(self, place: int, number: int) -> Scenario:
-        return asked_scenario(self._scenario, [self._asked[place]], seed=self._seed, number=number)
 
     def _is_complete(self) -> bool:
         """Whether all query states are done. Goes on to the next query state, and says which one it is."""
@@ -159,13 +155,10 @@ class CorrectionSession(LiveSession):
             PersonLeftError: if the person quits or stays away.
         """
         number, before = stuck.query_state.trial, course(stuck.result, stuck.query_state)
-        resolved, shown = practice_trial(scenario, number), -math.inf
+        resolved = practice_trial(scenario, number)
 
         def show_progress(now: float, load: float) -> None:
-            nonlocal shown
-            if time.monotonic() - shown > READING_PERIOD:
-                shown = time.monotonic()
-                self.show_note(f"{title}: {now:.1f} s, load {load:.0f} N; before: {before}")
+            self.show_note(f"{title}: {now:.1f} s, load {load:.0f} N; before: {before}")
 
         self._announce(f"{title}: practice trial {number} with the new skill")
         run = show_trial(

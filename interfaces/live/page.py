@@ -148,10 +148,13 @@ class GuardedHandler(RequestHandler):
 
     def set_default_headers(self) -> None:
         """Keeps the address with its token out of caches, other sites and frames."""
-        self.set_header("Cache-Control", "no-store")
-        self.set_header("Referrer-Policy", "no-referrer")
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("Content-Security-Policy", "frame-ancestors 'none'")
+        for name, value in (
+            ("Cache-Control", "no-store"),
+            ("Referrer-Policy", "no-referrer"),
+            ("X-Content-Type-Options", "nosniff"),
+            ("Content-Security-Policy", "frame-ancestors 'none'"),
+        ):
+            self.set_header(name, value)
         self.clear_header("Server")
 
     def prepare(self) -> None:

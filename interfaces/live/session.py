@@ -209,7 +209,6 @@ class LiveSession:
             short = isinstance(error, TooShortError)
             reason = "too short to keep" if short else f"discarded: {error}"
             self.say(f"{reason}; Space starts another", READY)
-            self._buttons.forget_clicks(*KEYS)
             return False
         self.say(f"{reason}: G keep as good, B keep as bad, X discard", VERDICT)
         while True:

@@ -42,13 +42,10 @@ class ViewerScene:
         """
         geometry, matrix = _geometry(shape)
         ids = {name: str(next(self._ids)) for name in ("geometry", "material", "object")}
-        colour = 0
-        for share in (rgba.r(), rgba.g(), rgba.b()):
-            colour = 256 * colour + int(255 * share)
         material = {
             "type": "MeshPhongMaterial",
             "uuid": ids["material"],
-            "color": colour,
+            "color": int.from_bytes(bytes(int(255 * share) for share in (rgba.r(), rgba.g(), rgba.b()))),
             "opacity": rgba.a(),
             "transparent": rgba.a() < 1.0,
             "side": 2,

@@ -88,7 +88,7 @@ def replay_page(motion: Motion, *, title: str, speed: float = 1.0) -> str:
         path=_dial_path(motion, lean),
         timeline=_timeline(motion),
         viewer=viewer_source(),
-        script=f"const data = {data};\nconst sceneCommands = {script_value(draw_scene(motion).commands_base64())};\n",
+        script=f"const data = {data};\nconst sceneCommands = {script_value(draw_scene(motion).commands)};\n",
     )
 
 

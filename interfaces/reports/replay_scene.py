@@ -45,18 +45,17 @@ class PageWindow:
     """Collects the drawing commands for a self-contained page.
 
     It replaces meshcat's own window, which needs a server process and two free ports.
+
+    Attributes:
+        commands: in order, as the viewer's `handle_command_bytearray` takes them, in base64.
     """
 
     def __init__(self) -> None:
-        self._commands: list[bytes] = []
+        self.commands: list[str] = []
 
     def send(self, command: Any) -> None:
         """Appends a meshcat command."""
-        self._commands.append(umsgpack.packb(command.lower()))
-
-    def commands_base64(self) -> list[str]:
-        """Returns the commands in order, as the viewer's `handle_command_bytearray` takes them, in base64."""
-        return [base64.b64encode(command).decode() for command in self._commands]
+        self.commands.append(base64.b64encode(umsgpack.packb(command.lower())).decode())
 
 
 def viewer_source() -> str:

@@ -120,15 +120,6 @@ def test_fewer_names_than_states_are_an_error():
         motion_of_run(make_rig_run(state_names=STATE_NAMES[:3]), where="place")
 
 
-@pytest.mark.parametrize("state", [-1.0, 0.5, 1.2])
-def test_states_that_are_not_whole_numbers_from_0_are_an_error(state):
-    run = make_rig_run()
-    run.samples["state"] = run.samples["state"].astype(float)
-    run.samples.loc[5, "state"] = state
-    with pytest.raises(ValueError, match=rf"place: column 'state' holds {state:g};"):
-        motion_of_run(run, where="place")
-
-
 def test_a_file_is_read_as_what_it_holds(tmp_path):
     write_demonstration(make_demonstration(), tmp_path / "a.parquet")
     write_rig_run(make_rig_run(), tmp_path / "b.parquet")

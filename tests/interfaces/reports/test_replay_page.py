@@ -197,4 +197,4 @@ def test_speed_that_is_not_a_finite_number_above_0_is_an_error(speed):
 def test_page_contains_the_viewer_and_the_commands_of_the_scene():
     page = replay_page(third_of_everything(), title="t")
     assert viewer_source() in page
-    assert script_value(draw_scene(third_of_everything()).commands_base64()[:2])[1:-1] in page
+    assert script_value(draw_scene(third_of_everything()).commands[:2])[1:-1] in page

@@ -60,7 +60,7 @@ class Decoded:
     """The commands of a window by kind."""
 
     def __init__(self, window: PageWindow) -> None:
-        commands = [umsgpack.unpackb(base64.b64decode(text)) for text in window.commands_base64()]
+        commands = [umsgpack.unpackb(base64.b64decode(text)) for text in window.commands]
         self.last = commands[-1]
         kinds = {kind: [c for c in commands if c["type"] == kind] for kind in {c["type"] for c in commands}}
         self.objects = {short(c["path"]): c["object"] for c in kinds["set_object"]}
