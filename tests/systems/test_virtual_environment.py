@@ -95,26 +95,3 @@ def test_a_demonstration_inserts_a_peg_of_every_section_in_each_engine(quick_sce
     assert demonstration.metadata["penetration_um"] < overlap
     assert demonstration.metadata["geometry"]["section"] == section
     assert demonstration.samples["fz"].max() > 0.5
-
-
-def test_peg_that_is_pulled_out_is_given_up(quick_scenario):
-    """An impatient operator who pushes weakly gives up at the first hindrance."""
-    quick_scenario.start.height = 2e-4
-    quick_scenario.start.tilt = [0.05, 0.05]
-    quick_scenario.operator.patience = 1e-9
-    quick_scenario.operator.comfortable_force = 0.5
-    resolved = resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM)
-    demonstration = run_demonstration(resolved)
-    assert demonstration.outcome == "given up"
-    assert not demonstration.good
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("modulus", [1e30, 1e200])
-def test_diverged_demonstration_ends_with_its_reason(quick_scenario, modulus):
-    """The peg is so stiff that the solver fails or the forces are not finite."""
-    quick_scenario.contact.modulus = modulus
-    quick_scenario.start.height = 1e-4
-    demonstration = run_demonstration(resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM))
-    assert demonstration.outcome.startswith("diverged")
-    assert not demonstration.good

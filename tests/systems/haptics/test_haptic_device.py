@@ -32,18 +32,15 @@ def test_the_probe_is_at_its_start_before_the_first_reading():
 
 
 def test_the_pose_is_quantised_to_the_resolution_of_the_encoders():
-    turn = np.array([0.123456, -0.04321, 0.0101])
-    hand = RigidTransform(from_rotation_vector(turn), [0.0123456, -0.0234567, 0.0301234])
-    dut, context = device(hand=hand)
+    turn, position = np.array([0.123456, -0.04321, 0.0101]), np.array([0.0123456, -0.0234567, 0.0301234])
+    dut, context = device(hand=RigidTransform(from_rotation_vector(turn), position))
     update(dut, context, period=T)
     X = dut.GetOutputPort("probe_pose").Eval(context)
-    counts = X.translation() / P.position_resolution
-    np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
-    np.testing.assert_array_equal(
-        np.round(counts), np.round(np.array([0.0123456, -0.0234567, 0.0301234]) / P.position_resolution)
-    )
-    counts = rotation_vector(X.rotation()) / P.angle_resolution
-    np.testing.assert_allclose(counts, np.round(turn / P.angle_resolution), atol=1e-6)
+    for found, read, step in (
+        (X.translation(), position, P.position_resolution),
+        (rotation_vector(X.rotation()), turn, P.angle_resolution),
+    ):
+        np.testing.assert_allclose(found / step, np.round(read / step), atol=1e-6)
 
 
 def test_a_hand_outside_the_workspace_is_measured_at_its_edge():
