@@ -12,8 +12,8 @@ from scripts.command_line import MAX_SEED, Engine, Jobs, OutFile, ScenarioName, 
 
 if TYPE_CHECKING:
     from experiments.outputs.output_set import OutputSet
-    from experiments.paired_comparison import PairedChange
     from experiments.practice_rounds import Perform, Trial
+    from experiments.scoreboard.paired_statistics import PairedChange
     from experiments.trial.trial_result import TrialResult
 
 MAX_NUMBER = 10_000  # of rounds and trials
@@ -194,7 +194,7 @@ def exact_result(values: dict[str, Any]) -> TrialResult:
 
 def compare(before: Sequence[TrialResult], after: Sequence[TrialResult]) -> dict[str, PairedChange]:
     """The change of each measure; one that cannot be compared is left out, with a message."""
-    from experiments.paired_comparison import paired_change
+    from experiments.scoreboard.paired_statistics import paired_change
     from interfaces.reports.practice_report import MEASURES
     from interfaces.terminal import say
 

@@ -30,7 +30,7 @@ from systems.law.wrench_sensor import WrenchSensor
 from systems.plant.contact_plant import AddRigPlant, HydroelasticRig, NominalBodies
 from systems.plant.exact_plant import ExactPlant
 from systems.plant.rig_plant import stepper_axes
-from systems.recording.run_recorder import AddRunRecorder, RunRecorder
+from systems.recording.run_recorder import AddRunRecorder
 from systems.rig_diagram import RigDiagram, start_angles
 
 RigPlant = HydroelasticRig | ExactPlant
@@ -84,7 +84,20 @@ def WireRig(
     sensor = AddSensor(builder, scenario, plant.reaction_forces, weld=plant.sensor, weight=plant.weight)
     _ConnectMonitors(builder, plant, law, sensor, drives)
     _ConnectMotors(builder, plant, law, drives)
-    recorder = _AddRecorder(builder, scenario, plant, law, drives)
+    recorder = AddRunRecorder(
+        builder=builder,
+        ports={
+            **law.recorded(tuple(drives.steppers)),
+            **{
+                (f"{name}_taken", f"{name}_lost"): stepper.GetOutputPort("step_counts")
+                for name, stepper in drives.steppers.items()
+            },
+            ("carriage", "carriage_speed"): plant.carriage_state,
+            **{(name,): drives.gimbal_angles.get_output_port(k) for k, name in enumerate(drives.steppers)},
+        },
+        period=scenario.controller.period,
+        home=scenario.sensor.height,
+    )
     steppers = tuple(drives.steppers.values())
     diagram = builder.Build()
     diagram.set_name("rig")
@@ -148,22 +161,3 @@ def _ConnectMotors(builder: DiagramBuilder, plant: RigPlant, law: Law, drives: _
         builder.Connect(stepper.GetOutputPort("equilibrium_angle"), equilibrium.get_input_port(k))
     builder.Connect(rates.get_output_port(), equilibrium.get_input_port(n))
     builder.Connect(equilibrium.get_output_port(), plant.gimbal_equilibrium)
-
-
-def _AddRecorder(
-    builder: DiagramBuilder, scenario: Scenario, plant: RigPlant, law: Law, drives: _Drives
-) -> RunRecorder:
-    return AddRunRecorder(
-        builder=builder,
-        ports={
-            **law.recorded(tuple(drives.steppers)),
-            **{
-                (f"{name}_taken", f"{name}_lost"): stepper.GetOutputPort("step_counts")
-                for name, stepper in drives.steppers.items()
-            },
-            ("carriage", "carriage_speed"): plant.carriage_state,
-            **{(name,): drives.gimbal_angles.get_output_port(k) for k, name in enumerate(drives.steppers)},
-        },
-        period=scenario.controller.period,
-        home=scenario.sensor.height,
-    )

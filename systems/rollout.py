@@ -26,13 +26,11 @@ from skill.data.rig_run import LOGGED_COLUMNS
 from skill.features.measurement import load_of_components
 from skill.skill_step import SkillAnswer, SkillNumbers, skill_step
 from systems.law import dc_motor, drive_monitor, sensor_monitor, stepper_motor, watchdog
-from systems.law.back_off import BackOffState
 from systems.law.dc_motor import Drive, carriage_force, counted_travel, dc_motor_step
 from systems.law.drive_monitor import DriveLimits, drive_monitor_step, is_enabled
 from systems.law.force_guard import (
     CLOCKING,
     FEED_SPEED,
-    PEAK,
     PITCH,
     YAW,
     GuardLimits,
@@ -138,52 +136,24 @@ class RigNumbers(NamedTuple):
         )
 
 
-class Trace(NamedTuple):
-    """What a trial leaves, with a row for each controller period and one for each step of the plant.
-
-    Attributes:
-        rows: (M,), each a `ROW`.
-        seen: (L,), numbers of contacts once a controller period.
-        contacts: (L, MAX_JOINED, JOINED_SIZE), these contacts, see `join_contacts`.
-        tips: (N, 3), centre of the tip in H.
-        wrenches: (N, 6), true contact wrench on the peg about the tip; that of the first step does not count.
-        penetration: deepest overlap of the bodies once a controller period, m.
-        peak_contact: largest force of a single contact, N.
-        peak_load: largest measured load, N.
-        outcome: how it ended, a number of `OUTCOMES`.
-        fault: number of the fault.
-        time: of the end, s.
-        depth: of the tip at the end, m.
-        back_off: state of the back-off at the end.
-    """
-
-    rows: NDArray[np.void]
-    seen: NDArray[np.int64]
-    contacts: Array
-    tips: Array
-    wrenches: Array
-    penetration: float
-    peak_contact: float
-    peak_load: float
-    outcome: int
-    fault: int
-    time: float
-    depth: float
-    back_off: BackOffState
-
-
 TALLY = np.dtype(
     [(name, int) for name in ("rows", "looks", "steps", "last_step")]
     + [(name, float) for name in ("next_look", "load", "extent", "peak_contact", "penetration")]
 )
 """What the judge remembers: how much is filled of `Record`; the number of the last step of the plant and the time of
-the next look at contacts, s; the largest load and extent so far, N (see `needs_contacts`); two figures of `Trace`."""
+the next look at contacts, s; the largest load and extent so far, N (see `needs_contacts`); the largest force of a
+single contact so far, N, and the deepest overlap of the bodies once a controller period, m."""
 
 
 class Record(NamedTuple):
-    """What a trial leaves while it goes on; the arrays are longer than what is filled. See `Trace`.
+    """What a trial leaves; while it goes on, the arrays are longer than what is filled.
 
     Attributes:
+        rows: (M,), each a `ROW`, one for each controller period.
+        seen: (L,), numbers of contacts once a controller period.
+        contacts: (L, MAX_JOINED, JOINED_SIZE), these contacts, see `join_contacts`.
+        tips: (N, 3), centre of the tip in H, one for each step of the plant.
+        wrenches: (N, 6), true contact wrench on the peg about the tip; that of the first step does not count.
         tally: (1,), a `TALLY`; an array, since compiled code does not own a single element.
     """
 
@@ -223,6 +193,15 @@ class RigState(NamedTuple):
     control: ControllerState
 
 
+class Trace(NamedTuple):
+    """What a trial leaves, how it ended (a number of `OUTCOMES`), when (s), and the state of the rig then."""
+
+    record: Record
+    outcome: int
+    time: float
+    state: RigState
+
+
 class Observation(NamedTuple):
     """What the outputs of the rig show.
 
@@ -252,7 +231,7 @@ class Due(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """Contacts of the step that would follow, and the overlap of the bodies, m; see `Trace`."""
+    """Contacts of the step that would follow, and the overlap of the bodies, m; see `Record`."""
 
     number: int
     contacts: Array
@@ -543,18 +522,12 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
         state = update(rig, state, time, due, shown, answer, noise[ticks[0]], bias)
         ticks += np.array((due.sensor, due.plant, due.control))
         time = min((ticks * periods).min(), tally["rows"] * rig.control_period, limit)
-    return Trace(
+    filled = Record(
         rows=record.rows[: tally["rows"]],
         seen=record.seen[: tally["looks"]],
         contacts=record.contacts[: tally["looks"]],
         tips=record.tips[: tally["steps"]],
         wrenches=record.wrenches[: tally["steps"]],
-        penetration=tally["penetration"],
-        peak_contact=tally["peak_contact"],
-        peak_load=state.guard[PEAK],
-        outcome=TIME_OVER if ending == GOES_ON else ending,
-        fault=int(state.dog[watchdog.FAULT]),
-        time=time,
-        depth=rig.mechanics.sensor - state.q[0],
-        back_off=state.control.back_off,
+        tally=record.tally,
     )
+    return Trace(filled, TIME_OVER if ending == GOES_ON else ending, time, state)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from experiments.outputs.folder_lock import locked_file
 
-STAGED, REPLACED = ".haptic-skill-new", ".haptic-skill-replaced"
-"""What is added to the hidden name of a folder that is made, and of one that is replaced."""
+STAGED = ".haptic-skill-new"
+"""What is added to the hidden name of a folder that is made."""
 
 FilesOf = Callable[[Path], set[str] | None]
 """Returns the relative paths of the files of which a folder of a kind consists; None if it is not of this kind."""
@@ -21,7 +21,8 @@ FilesOf = Callable[[Path], set[str] | None]
 def new_folder(out: Path, *, files_of: FilesOf = lambda folder: None) -> Iterator[Path]:
     """Yields an empty hidden folder beside ``out``, which is renamed to ``out`` at the end.
 
-    A process that is killed leaves ``out`` as it was; what else it leaves is removed or put back by the next call.
+    A process that is killed leaves ``out`` as it was, or in the moment of its replacement without files; what else it
+    leaves is removed by the next call.
 
     Args:
         out: folder to make; an empty one may be there.
@@ -32,19 +33,19 @@ def new_folder(out: Path, *, files_of: FilesOf = lambda folder: None) -> Iterato
         OSError: if another process writes it, or it cannot be written. The folder ``out`` is then unchanged.
     """
     out = out.parent.resolve() / out.name
-    staged, old = out.with_name(f".{out.name}{STAGED}"), out.with_name(f".{out.name}{REPLACED}")
+    staged = out.with_name(f".{out.name}{STAGED}")
     with locked_file(out):
-        _finish(out, staged, old)
         check_new_folder(out, files_of=files_of)
+        shutil.rmtree(staged, ignore_errors=True)
         staged.mkdir()
         try:
             yield staged
             os.sync()  # the files are on the disk before the name is
             if out.exists():
-                out.rename(old)
+                shutil.rmtree(out)
             staged.rename(out)
         finally:
-            _finish(out, staged, old)
+            shutil.rmtree(staged, ignore_errors=True)
 
 
 def check_new_folder(out: Path, *, files_of: FilesOf = lambda folder: None) -> None:
@@ -59,11 +60,3 @@ def check_new_folder(out: Path, *, files_of: FilesOf = lambda folder: None) -> N
     foreign = sorted(found - (files_of(out) or set()))
     if foreign:
         raise ValueError(f"{out}: holds {foreign[0]}, which is not replaced; choose another OUT")
-
-
-def _finish(out: Path, staged: Path, old: Path) -> None:
-    """Puts a folder back whose replacement did not succeed, and removes what is left of the old or the new one."""
-    if old.is_dir() and not out.exists():
-        old.rename(out)
-    for left in (old, staged):
-        shutil.rmtree(left, ignore_errors=True)

@@ -1,4 +1,4 @@
-"""Reads the trials of a sweep, with the columns that a scoreboard needs: about 200 bytes a trial stay in memory."""
+"""Reads the trials of a sweep, with the columns that a scoreboard needs."""
 
 from __future__ import annotations
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, suppress
-from dataclasses import fields, is_dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,14 +13,12 @@ from experiments.demonstration_set import Request, demonstrate
 from experiments.outputs.output_set import DEMONSTRATIONS, OutputSet, SetIndex, open_set
 from experiments.provenance import versions
 from experiments.sweep.cells import DemonstrationSet, PolicyRecipe
-from experiments.sweep.code_digest import Requirements, code_digest, own_packages
+from experiments.sweep.code_digest import Requirements, code_digest
 from experiments.sweep.policies import (
     MadePolicy,
     TrainingContext,
     chosen,
-    imported,
     make_policy,
-    named_by,
 )
 from experiments.sweep.trial_files import SETS, SKILLS
 from experiments.worker_pool import LostWorkerError, WorkerPool
@@ -29,7 +26,7 @@ from models.scenario import dump_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.files import parse_object, write_atomically
 from skill.manipulation_skill import ManipulationSkill
-from skill.policy.rig_policy import CarriedOver, RigPolicy
+from skill.policy.rig_policy import CarriedOver
 from systems.law.faults import error_summary
 
 Advance = Callable[[str], None]
@@ -61,7 +58,7 @@ class PolicyStore:
 
     def __init__(self, results: Path) -> None:
         self._results = results
-        self._made: dict[str, MadePolicy] = {}  # those that no file can hold
+        self._made: dict[str, MadePolicy] = {}  # those that no file holds
 
     # ----------------------------------------------------------- demonstrations
 
@@ -120,16 +117,14 @@ class PolicyStore:
         """
         if recipe.digest in self._made:
             return self._made[recipe.digest]
-        policy: RigPolicy
         if recipe.given is not None:
             policy = recipe.given
-            notes = {"train_s": None, "query_ms": None, "demonstrations": policy.metadata_.get("demonstrations")}
+            notes = {"demonstrations": policy.metadata_.get("demonstrations")}
         else:
+            policy = ManipulationSkill.load(self._skill_file(recipe))
             notes = parse_object(self._notes(recipe).read_bytes())
-            law = notes.get("law")
-            policy = ManipulationSkill.load(self._skill_file(recipe)) if law is None else _remade(law, recipe)
-        policy = CarriedOver(policy) if recipe.plan.carried_over else policy
-        return MadePolicy(policy, notes["train_s"], notes["query_ms"], notes["demonstrations"])
+        carried = CarriedOver(policy) if recipe.plan.carried_over else policy
+        return MadePolicy(carried, notes.get("train_s"), notes.get("query_ms"), notes["demonstrations"])
 
     def _demonstrations(self, recipe: PolicyRecipe) -> list[Demonstration]:
         if recipe.demonstrations is None or recipe.plan.demonstrations is None:
@@ -144,49 +139,18 @@ class PolicyStore:
         return self._results / SKILLS / f"{recipe.digest}.npz"
 
     def _keep(self, recipe: PolicyRecipe, made: MadePolicy) -> None:
-        """Writes a skill or the parameters of a law, and notes on its making; keeps any other policy in memory."""
+        """Writes a skill, and notes on its making; keeps any other policy in memory."""
         policy = made.policy.policy if isinstance(made.policy, CarriedOver) else made.policy
-        path, law = self._skill_file(recipe), _law(policy)
+        path = self._skill_file(recipe)
         path.parent.mkdir(parents=True, exist_ok=True)
-        is_kept = law is not None
         if type(policy) is ManipulationSkill:
             with suppress(TypeError):  # no file can hold one of its parts
                 policy.save(path)
-                is_kept = True
-        if not is_kept:
-            self._made[recipe.digest] = made
-            return
-        notes = {
-            **{"policy": recipe.plan.name, "law": law, "train_s": made.train_s},
-            **{"query_ms": made.query_ms, "demonstrations": made.demonstrations},
-        }
-        write_atomically(self._notes(recipe), json.dumps(notes).encode())
-
-
-def _law(policy: RigPolicy) -> dict[str, Any] | None:
-    """The class and the parameters of a dataclass of numbers and texts; None for any other policy."""
-    if not is_dataclass(policy) or any(not known.init for known in fields(policy)):
-        return None
-    values = {known.name: getattr(policy, known.name) for known in fields(policy)}
-    if not all(value is None or isinstance(value, str | int | float) for value in values.values()):
-        return None
-    return {"class": f"{type(policy).__module__}:{type(policy).__qualname__}", "parameters": values}
-
-
-def _remade(law: dict[str, Any], recipe: PolicyRecipe) -> RigPolicy:
-    """Makes a law again; its class must be in a package that its plan names.
-
-    Raises:
-        ValueError: if it is not, or the parameters are not those of the class.
-    """
-    package = law["class"].partition(".")[0]
-    if package not in own_packages(named_by(recipe.plan)):
-        raise ValueError(f"policies.{recipe.plan.name}: its notes name {law['class']}, which is not in its package")
-    try:
-        remade: RigPolicy = imported(law["class"])(**law["parameters"])
-    except TypeError as error:
-        raise ValueError(f"policies.{recipe.plan.name}: its notes do not fit its class ({error})") from error
-    return remade
+                notes: dict[str, Any] = {"policy": recipe.plan.name, "train_s": made.train_s, "query_ms": made.query_ms}
+                notes["demonstrations"] = made.demonstrations
+                write_atomically(self._notes(recipe), json.dumps(notes).encode())
+                return
+        self._made[recipe.digest] = made
 
 
 def _results(pool: WorkerPool, tasks: Iterable[Callable[[], R]], work: str) -> Iterator[R]:

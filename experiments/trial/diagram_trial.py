@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,68 +11,23 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
 from experiments.trial.ended_trial import EndedTrial, Looks
-from experiments.trial.force_metrics import ForceMetrics
+from experiments.trial.force_metrics import force_figures
 from experiments.trial.motion_metrics import motion_figures
 from experiments.trial.penetration import deepest_overlap
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import Ending, Outcome
+from skill.features.measurement import load_of_components
 from skill.policy.rig_policy import RigPolicy
 from systems.law.faults import Fault, error_summary
-from systems.plant.contact_forces import JOINED_SIZE, MAX_JOINED, contact_table
+from systems.plant.contact_forces import JOINED_SIZE, MAX_JOINED, Contact, contact_table, needs_contacts
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.rig import MakeRig
 from systems.rig_diagram import RigDiagram
 
 
-class TrialRecord:
-    """What is recorded of a trial beside what the rig records itself.
-
-    Attributes:
-        forces: the forces so far.
-        tips: positions (3,) of the tip in the hole after each step, m.
-    """
-
-    def __init__(self, rig: RigDiagram, scenario: Scenario) -> None:
-        self._rig, self._geometry = rig, scenario.geometry
-        self._poses: list[Array] = []
-        self._contacts: list[tuple[int, Array]] = []
-        self.forces = ForceMetrics(scenario.geometry.reach, scenario.contact.time_step)
-        self.tips: list[Array] = []
-
-    def add_row(self, context: Context) -> None:
-        """Records what is kept once a controller period."""
-        X_HP = self._rig.plant.peg_in_hole(context)
-        self._poses.append(X_HP.GetAsMatrix34())
-        contacts = self._rig.plant.contacts(context)
-        self.forces.add_contacts(contacts)
-        self._contacts.append(contact_table(contacts))
-
-    def add_step(self, context: Context, wrench: Array) -> None:
-        """Records a step of the plant with the true contact wrench (6,).
-
-        The single contacts cost more than the net wrench: between two rows they are read only where
-        `ForceMetrics.needs_contacts` says so.
-        """
-        self.tips.append(self._rig.plant.peg_in_hole(context).translation())
-        if context.get_time() > 0:
-            self.forces.add_step(wrench)
-            if self.forces.needs_contacts(wrench, self._rig.plant.contact_extent(context)):
-                self.forces.add_contacts(self._rig.plant.contacts(context))
-
-    def looks(self) -> Looks:
-        """Returns what was recorded once a controller period."""
-        seen, tables = [count for count, _ in self._contacts], [table for _, table in self._contacts]
-        return Looks(np.array(seen, dtype=np.int64), np.reshape(tables, (-1, MAX_JOINED, JOINED_SIZE)))
-
-    def penetration(self) -> float:
-        """Returns the deepest overlap of the exact bodies at one pose per controller period, m."""
-        poses = np.reshape(self._poses, (-1, 3, 4))
-        return deepest_overlap(self._geometry, poses[:, :, 3], poses[:, :, :3])
-
-
 class TrialMonitor:
-    """A Simulator's monitor that ends a trial, and has it recorded until then.
+    """A Simulator's monitor that ends a trial, and records until then what the rig does not record itself.
 
     The trial ends when the peg is inserted, when the policy has nothing new to try, when the watchdog has stopped the
     rig, or when the simulation diverges.
@@ -81,7 +37,6 @@ class TrialMonitor:
     Attributes:
         outcome: how the trial ended; ``TIME_OVER`` until something else ends it.
         detail: text that adds to the outcome.
-        record: of the trial.
         depth: depth of the tip, m.
     """
 
@@ -92,15 +47,21 @@ class TrialMonitor:
         self._step = -1  # number of the plant step that was read last
         self.outcome = Outcome.TIME_OVER
         self.detail = ""
-        self.record = TrialRecord(rig, scenario)
         self.depth = float("nan")
+        self._poses: list[Array] = []  # like the contacts, once a controller period
+        self._contacts: list[tuple[int, Array]] = []
+        self._tips: list[Array] = []  # after each step, like the wrenches
+        self._wrenches: list[Array] = []
+        self._largest = 0.0, 0.0  # load and extent at a step whose contacts were read
+        self._peak_contact = 0.0
 
     def __call__(self, context: Context) -> EventStatus:
         """Records and checks one step; ``context`` is the diagram's."""
         time, ending = context.get_time(), None
         if time >= self._next_row - 1e-9:
             self._next_row += self._scenario.controller.period
-            self.record.add_row(context)
+            self._poses.append(self._rig.plant.peg_in_hole(context).GetAsMatrix34())
+            self._contacts.append(contact_table(self._read_contacts(context)))
             ending = self._ending_of_control(context)
         step = math.ceil(time / self._scenario.contact.time_step - 1e-6)
         if ending is None and step != self._step:
@@ -110,6 +71,18 @@ class TrialMonitor:
             return EventStatus.DidNothing()
         self.outcome, self.detail = ending.outcome, ending.detail
         return EventStatus.ReachedTermination(self._rig.diagram, ending.outcome.text(ending.detail))
+
+    def measured(self, peak_measured_load: float) -> dict[str, Any]:
+        """Returns what was recorded, with the largest measured load (N), as arguments of an `EndedTrial`."""
+        g, step = self._scenario.geometry, self._scenario.contact.time_step
+        poses, tables = np.reshape(self._poses, (-1, 3, 4)), [table for _, table in self._contacts]
+        seen = np.array([count for count, _ in self._contacts], dtype=np.int64)
+        return {
+            "forces": force_figures(self._wrenches, g.reach, step, self._peak_contact, peak_measured_load),
+            "motion": motion_figures(self._tips, step, g.hole_depth),
+            "penetration": deepest_overlap(g, poses[:, :, 3], poses[:, :, :3]),
+            "looks": Looks(seen, np.reshape(tables, (-1, MAX_JOINED, JOINED_SIZE))),
+        }
 
     def _ending_of_control(self, context: Context) -> Ending | None:
         """Returns how watchdog or controller have ended the trial, if they have."""
@@ -129,8 +102,22 @@ class TrialMonitor:
         force = math.hypot(*wrench[:3])
         if force > DIVERGENCE_FORCE:
             return Ending(Outcome.DIVERGED, f"a contact force of {force:.3g} N")
-        self.record.add_step(context, wrench)
+        self._tips.append(self._rig.plant.peg_in_hole(context).translation())
+        if context.get_time() > 0:
+            self._wrenches.append(wrench)
+            fx, fy, fz, mx, my, mz = wrench
+            load = load_of_components(fx, fy, fz, mx, my, mz, self._scenario.geometry.reach)
+            extent = self._rig.plant.contact_extent(context)
+            # The single contacts cost more than the net wrench: between two rows they are read only where these grow.
+            if needs_contacts(load, extent, *self._largest):
+                self._largest = max(load, self._largest[0]), max(extent, self._largest[1])
+                self._read_contacts(context)
         return Ending(Outcome.INSERTED) if self.depth >= self._scenario.full_depth else None
+
+    def _read_contacts(self, context: Context) -> list[Contact]:
+        contacts = self._rig.plant.contacts(context)
+        self._peak_contact = max([self._peak_contact, *(contact.force for contact in contacts)])
+        return contacts
 
 
 _kept: list[tuple[object, RigDiagram]] = []
@@ -210,7 +197,7 @@ class TrialRun:
 
     def ended(self) -> EndedTrial:
         """Returns the trial as if it ended now."""
-        rig, monitor, context, record = self._rig, self.monitor, self.context, self.monitor.record
+        rig, monitor, context = self._rig, self.monitor, self.context
         return EndedTrial(
             number=self._number,
             scenario=self._scenario,
@@ -221,8 +208,5 @@ class TrialRun:
             time=context.get_time(),
             depth=monitor.depth,
             samples=self.samples(),
-            forces=record.forces.figures(rig.law.peak_load(context)),
-            motion=motion_figures(record.tips, self._scenario.contact.time_step, self._scenario.geometry.hole_depth),
-            penetration=record.penetration(),
-            looks=record.looks(),
+            **monitor.measured(rig.law.peak_load(context)),
         )

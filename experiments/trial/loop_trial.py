@@ -17,6 +17,8 @@ from skill.policy.rig_policy import RigPolicy
 from skill.skill_step import skill_numbers
 from systems.law.back_off import attempts_text
 from systems.law.faults import Fault
+from systems.law.force_guard import PEAK
+from systems.law.watchdog import FAULT
 from systems.law.wiring import check_geometry
 from systems.rig_diagram import is_same_rig
 from systems.rollout import DIVERGED, FAILED, OUTCOMES, RigNumbers, roll_out
@@ -47,24 +49,27 @@ def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTr
     if skill is None:
         return None
     check_geometry(scenario, policy)
-    trace = roll_out(_rig(scenario, skill.period), scenario, skill)
-    if trace.outcome in (DIVERGED, FAILED) or not math.isfinite(trace.depth):
+    rig = _rig(scenario, skill.period)
+    record, ending, time, state = roll_out(rig, scenario, skill)
+    depth, tally = float(rig.mechanics.sensor - state.q[0]), record.tally[0]
+    if ending in (DIVERGED, FAILED) or not math.isfinite(depth):
         return None
-    outcome, step = OUTCOMES[trace.outcome], scenario.contact.time_step
+    outcome, step = OUTCOMES[ending], scenario.contact.time_step
+    peaks = float(tally["peak_contact"]), float(state.guard[PEAK])
     return EndedTrial(
         number=number,
         scenario=scenario,
         outcome=outcome,
-        detail=attempts_text(trace.back_off, policy.state_names()) if outcome is Outcome.JAMMED else "",
-        fault=Fault(trace.fault),
+        detail=attempts_text(state.control.back_off, policy.state_names()) if outcome is Outcome.JAMMED else "",
+        fault=Fault(int(state.dog[FAULT])),
         failure="",
-        time=trace.time,
-        depth=trace.depth,
-        samples=pd.DataFrame(trace.rows),
-        forces=force_figures(trace.wrenches[1:], scenario.geometry.reach, step, trace.peak_contact, trace.peak_load),
-        motion=motion_figures(trace.tips, step, scenario.geometry.hole_depth),
-        penetration=trace.penetration,
-        looks=Looks(trace.seen, trace.contacts),
+        time=time,
+        depth=depth,
+        samples=pd.DataFrame(record.rows),
+        forces=force_figures(record.wrenches[1:], scenario.geometry.reach, step, *peaks),
+        motion=motion_figures(record.tips, step, scenario.geometry.hole_depth),
+        penetration=float(tally["penetration"]),
+        looks=Looks(record.seen, record.contacts),
     )
 
 

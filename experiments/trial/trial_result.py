@@ -40,8 +40,39 @@ COUNTS = ("steps", "lost_steps", "back_offs")
 PHYSICS = {True: "trusted", False: "not trusted"}
 
 
-@dataclass(frozen=True)
-class TrialResult:
+@dataclass(frozen=True, kw_only=True)
+class ForceFigures:
+    """The forces of a trial. All but the measured load are those of the true contact.
+
+    Attributes:
+        peak_axial_force: largest net contact force along the peg, N.
+        peak_lateral_force: largest net contact force across the peg, N. Opposite forces of a wedge cancel in it.
+        peak_moment: largest net contact moment about the tip, N m.
+        peak_load: largest load of the net contact wrench, N (`skill.features.measurement.contact_loads`).
+        mean_load: mean of the load over the time in which it is at least `TOUCH_LOAD`, N; 0 if it never is. It and
+            the limits below are in `experiments.trial.force_metrics`.
+        time_above_20n: time in which the load is above `HIGH_LOAD`, s.
+        force_above_20n: time in which the size of the net contact force is above `HIGH_LOAD`, s.
+        first_touch: integral of the size of the net contact force over `FIRST_TOUCH_TIME` from the first load of
+            `TOUCH_LOAD` on, N s; over the rest of the trial if that is shorter.
+        peak_contact_force: largest normal force of any single contact, N.
+        peak_measured_load: largest load of the wrench that the sensor monitor passes on, N.
+    """
+
+    peak_axial_force: float
+    peak_lateral_force: float
+    peak_moment: float
+    peak_load: float
+    mean_load: float
+    time_above_20n: float
+    force_above_20n: float
+    first_touch: float
+    peak_contact_force: float
+    peak_measured_load: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialResult(ForceFigures):
     """The result of a rig trial, in SI units.
 
     Attributes:
@@ -51,9 +82,6 @@ class TrialResult:
             ``DIVERGED``, ``FAILED``: the simulation could not continue.
         time: simulated time, s.
         depth: depth of the tip at the end, m.
-        peak_axial_force: see `experiments.trial.force_metrics.ForceFigures`, as for the other forces.
-        peak_lateral_force: N.
-        peak_moment: N m.
         penetration: deepest overlap of the exact bodies at the recorded samples, m.
         steps: number of microsteps that both steppers took.
         lost_steps: number of microsteps that both steppers lost.
@@ -63,13 +91,6 @@ class TrialResult:
         states: numbers of the contact states visited, in order.
         fault: the detected fault.
         detail: text that adds to the outcome, such as the message of an exception.
-        peak_contact_force: N.
-        peak_load: N.
-        mean_load: N.
-        time_above_20n: s.
-        first_touch: N s.
-        peak_measured_load: N.
-        force_above_20n: s.
         wedged_time: time in which the peg was wedged, s; see `experiments.trial.wedging`.
         path_length: see `experiments.trial.motion_metrics.MotionFigures`, m.
         mean_jerk: m/s^3.
@@ -83,9 +104,6 @@ class TrialResult:
     outcome: Outcome
     time: float
     depth: float
-    peak_axial_force: float
-    peak_lateral_force: float
-    peak_moment: float
     penetration: float
     steps: int
     lost_steps: int
@@ -93,13 +111,6 @@ class TrialResult:
     unknown_time: float
     unsupported_time: float
     states: tuple[int, ...]
-    peak_contact_force: float
-    peak_load: float
-    mean_load: float
-    time_above_20n: float
-    first_touch: float
-    peak_measured_load: float
-    force_above_20n: float
     wedged_time: float
     path_length: float
     mean_jerk: float
@@ -128,28 +139,22 @@ class TrialResult:
             ValueError: if a value is missing or has another type.
         """
         try:
-            return cls._from_record(row)
+            fault, detail = _parse_fault(row["reason"])
+            outcome, other = (Outcome.FAULT, detail) if fault is not Fault.NONE else parse_outcome(row["reason"])
+            pitch, yaw = row["tilt_deg"]
+            return cls(
+                seed=row["seed"],
+                tilt=(math.radians(pitch), math.radians(yaw)),
+                outcome=outcome,
+                fault=fault,
+                detail=other,
+                states=tuple(row["states"]),
+                trusted={text: trusted for trusted, text in PHYSICS.items()}[row["physics"]],
+                **{field: unit * _number(row[key]) for key, (field, unit, _) in NUMBERS.items()},
+                **{key: row[key] for key in COUNTS},
+            )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise ValueError(f"not the result of a trial ({type(error).__name__}: {error})") from error
-
-    @classmethod
-    def _from_record(cls, row: Mapping[str, Any]) -> Self:
-        fault, detail = _parse_fault(row["reason"])
-        outcome, other = (Outcome.FAULT, detail) if fault is not Fault.NONE else parse_outcome(row["reason"])
-        pitch, yaw = row["tilt_deg"]
-        if row["physics"] not in PHYSICS.values():
-            raise ValueError(f"'physics' is {row['physics']!r}, expected one of {list(PHYSICS.values())}")
-        return cls(
-            seed=row["seed"],
-            tilt=(math.radians(pitch), math.radians(yaw)),
-            outcome=outcome,
-            fault=fault,
-            detail=other,
-            states=tuple(row["states"]),
-            trusted=row["physics"] == PHYSICS[True],
-            **{field: unit * _number(row[key]) for key, (field, unit, _) in NUMBERS.items()},
-            **{key: row[key] for key in COUNTS},
-        )
 
     def record(self) -> dict[str, Any]:
         """Returns the row for ``results.json`` and run files: in mm, um and degrees, and rounded."""

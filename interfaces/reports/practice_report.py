@@ -13,8 +13,8 @@ from rich.table import Table
 from interfaces.reports.result_tables import plain_table
 
 if TYPE_CHECKING:
-    from experiments.paired_comparison import PairedChange
     from experiments.practice_results import Round
+    from experiments.scoreboard.paired_statistics import PairedChange
     from experiments.trial.trial_result import TrialResult
 
 MEASURES = {

@@ -10,7 +10,7 @@ import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from experiments.trial.ended_trial import EndedTrial, Looks
-from experiments.trial.force_metrics import ForceMetrics
+from experiments.trial.force_metrics import force_figures
 from experiments.trial.motion_metrics import motion_figures
 from interfaces.robots.robot_arm import ArmState, RobotArm
 from interfaces.sensors.tool import Tool, identify_tool
@@ -144,10 +144,10 @@ class ArmSession:
         """
         s = self.scenario
         law = ArmLaw(s, policy, stopping_of(s, self._kinematics, delay=self._arm.period))
-        forces = ForceMetrics(s.geometry.reach, PERIOD)
+        wrenches: list[Array] = []
         tips: list[Array] = []
         try:
-            ending = self._perform(law, forces, tips)
+            ending = self._perform(law, wrenches, tips)
         except ConnectionError as error:
             if law.time == 0.0:
                 raise  # there is nothing to record
@@ -165,13 +165,13 @@ class ArmSession:
             time=law.time,
             depth=self._depth,
             samples=samples,
-            forces=forces.figures(law.law.peak_load(law.context)),
+            forces=force_figures(wrenches, s.geometry.reach, PERIOD, 0.0, law.law.peak_load(law.context)),
             motion=motion_figures(tips, PERIOD, s.geometry.hole_depth),
             penetration=0.0,
             looks=NO_LOOKS,
         )
 
-    def _perform(self, law: ArmLaw, forces: ForceMetrics, tips: list[Array]) -> Ending:
+    def _perform(self, law: ArmLaw, wrenches: list[Array], tips: list[Array]) -> Ending:
         """Moves as the law says until the insertion ends, and returns how."""
         tip, ending = tip_at(self.scenario.start.height), None
         state = self._arm.state()
@@ -183,7 +183,7 @@ class ArmSession:
             self._depth = depth
             law.advance(seconds, wrench, depth, np.array([-depth, *rig_angles(X_WP.rotation().matrix())]))
             for _ in range(round(seconds / PERIOD)):
-                forces.add_step(wrench)
+                wrenches.append(wrench)
                 tips.append(X_WP.translation())
             angles, feed = law.commands()
             push = X_WP.rotation() @ law.wrench()[:3]

@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING
-
 from models.labelled_enum import LabelledEnum
-
-if TYPE_CHECKING:
-    from models.hardware import WrenchSensorParameters  # it imports yaml, which reading a run does not need
 
 
 class Fault(LabelledEnum):
@@ -43,35 +37,6 @@ SENSOR_NUMBERS = tuple(fault.value for fault in Fault if fault.name.startswith("
 
 STEPS_LOST = (Fault.PITCH_STEPS_LOST.value, Fault.YAW_STEPS_LOST.value, Fault.CLOCKING_STEPS_LOST.value)
 """Numbers of the faults of the steppers, in the order of `skill.data.axes.AXES`."""
-
-
-FALSE_ALARM = 1e-9
-"""Probability that a healthy sensor repeats its reading often enough to count as stuck."""
-
-
-def repeats_of_a_stuck_sensor(p: WrenchSensorParameters) -> float:
-    """Returns how many identical readings in a row a healthy sensor may give; infinite for a sensor without noise.
-
-    A channel with noise sigma and quantum q repeats its reading with probability at most erf(q / (2 sqrt(2) sigma)),
-    which holds when the true value is in the middle of a quantum. The noise of channels and samples is independent.
-    """
-    sigmas = [*p.force_noise, *p.torque_noise]
-    quanta = [p.force_quantum] * 3 + [p.torque_quantum] * 3
-    repeat = math.prod(
-        math.erf(q / (2.0 * math.sqrt(2.0) * sigma)) if sigma > 0 else 1.0
-        for sigma, q in zip(sigmas, quanta, strict=True)
-    )
-    return math.ceil(math.log(FALSE_ALARM) / math.log(repeat)) if repeat < 1.0 else math.inf
-
-
-def reading_deviation(p: WrenchSensorParameters) -> tuple[float, float]:
-    """Returns an upper bound of the standard deviation of a force (N) and of a moment about the tip (N m) at rest.
-
-    Rounding to a quantum q adds at most q / 2; a force at the mount has the lever ``height`` about the tip.
-    """
-    force = math.hypot(max(p.force_noise), 0.5 * p.force_quantum)
-    torque = math.hypot(max(p.torque_noise), 0.5 * p.torque_quantum)
-    return force, math.hypot(torque, p.height * force)
 
 
 def error_summary(error: BaseException) -> str:

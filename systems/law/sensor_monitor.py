@@ -11,9 +11,9 @@ import numpy as np
 
 from compiled import compiled
 from models.arm import RIG
-from models.hardware import STEEL
+from models.hardware import STEEL, WrenchSensorParameters
 from skill.arrays import Array
-from systems.law.faults import Fault, reading_deviation, repeats_of_a_stuck_sensor
+from systems.law.faults import Fault
 from systems.law.part import Part
 
 if TYPE_CHECKING:  # a scenario needs Drake
@@ -42,6 +42,35 @@ FREE = 11  # readings in free air, to the end of a tare
 SUM = 12  # of the wrenches of the present tare
 SQUARES = 18  # sum of the squares of their differences
 SIZE = 24
+
+
+FALSE_ALARM = 1e-9
+"""Probability that a healthy sensor repeats its reading often enough to count as stuck."""
+
+
+def repeats_of_a_stuck_sensor(p: WrenchSensorParameters) -> float:
+    """Returns how many identical readings in a row a healthy sensor may give; infinite for a sensor without noise.
+
+    A channel with noise sigma and quantum q repeats its reading with probability at most erf(q / (2 sqrt(2) sigma)),
+    which holds when the true value is in the middle of a quantum. The noise of channels and samples is independent.
+    """
+    sigmas = [*p.force_noise, *p.torque_noise]
+    quanta = [p.force_quantum] * 3 + [p.torque_quantum] * 3
+    repeat = math.prod(
+        math.erf(q / (2.0 * math.sqrt(2.0) * sigma)) if sigma > 0 else 1.0
+        for sigma, q in zip(sigmas, quanta, strict=True)
+    )
+    return math.ceil(math.log(FALSE_ALARM) / math.log(repeat)) if repeat < 1.0 else math.inf
+
+
+def reading_deviation(p: WrenchSensorParameters) -> tuple[float, float]:
+    """Returns an upper bound of the standard deviation of a force (N) and of a moment about the tip (N m) at rest.
+
+    Rounding to a quantum q adds at most q / 2; a force at the mount has the lever ``height`` about the tip.
+    """
+    force = math.hypot(max(p.force_noise), 0.5 * p.force_quantum)
+    torque = math.hypot(max(p.torque_noise), 0.5 * p.torque_quantum)
+    return force, math.hypot(torque, p.height * force)
 
 
 class SensorLimits(NamedTuple):

@@ -1,10 +1,8 @@
 """Folders that are made as a whole."""
 
-import os
-
 import pytest
 
-from experiments.outputs.new_folder import REPLACED, STAGED, new_folder
+from experiments.outputs.new_folder import STAGED, new_folder
 
 
 def make(out, text="new", **options):
@@ -51,32 +49,10 @@ def test_files_and_links_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["out", "[out]*"])
-def test_what_a_killed_process_left_is_removed_or_put_back(tmp_path, name):
-    out = tmp_path / name
-    make(out)
-    out.rename(tmp_path / f".{name}{REPLACED}")  # killed between the two renames
-    (tmp_path / f".{name}{STAGED}").mkdir()
-    with pytest.raises(ValueError, match="which is not replaced"):
-        make(out)
-    assert sorted(p.name for p in tmp_path.iterdir()) == [name]
-    (tmp_path / f".{name}{REPLACED}").mkdir()  # killed before the old folder was removed
-    make(out, "newer", files_of=own)
-    assert (out / "in/a.txt").read_text() == "newer"
-    assert sorted(p.name for p in tmp_path.iterdir()) == [name]
-
-
-def test_a_failed_replacement_puts_the_old_folder_back(tmp_path, monkeypatch):
-    make(tmp_path / "out")
-    rename, calls = type(tmp_path).rename, []
-
-    def failing(self, target):
-        calls.append(target)
-        if len(calls) == 2:
-            raise OSError("no")
-        return rename(self, target)
-
-    monkeypatch.setattr(type(tmp_path), "rename", failing)
-    with pytest.raises(OSError, match="no"):
-        make(tmp_path / "out", "newer", files_of=own)
-    assert (tmp_path / "out/in/a.txt").read_text() == "new"
-    assert os.listdir(tmp_path) == ["out"]  # noqa: PTH208
+def test_what_a_killed_or_failed_process_left_is_removed_and_the_old_folder_stays(tmp_path, name):
+    make(tmp_path / name)
+    (tmp_path / f".{name}{STAGED}" / "half").mkdir(parents=True)
+    with pytest.raises(OSError, match="no"), new_folder(tmp_path / name, files_of=own):
+        raise OSError("no")
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name / "in/a.txt").read_text() == "new"

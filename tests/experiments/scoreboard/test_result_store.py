@@ -120,6 +120,3 @@ def test_a_trial_in_two_scenarios_of_the_same_name_is_named_with_both_files(tmp_
     one = write_trials(tmp_path, [same | {"key": "a", "friction": 0.1}, {"trial": 4}])
     other = write_trials(tmp_path, [same | {"key": "b", "friction": 0.2}], block="0001")
     refused(tmp_path, one, other, "trial 3 of one policy under the same conditions; the scenario has changed")
-
-
-# ------------------------------------------------------------ memory

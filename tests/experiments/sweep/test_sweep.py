@@ -1,6 +1,5 @@
 """Whole sweeps: what is performed, what is repeated, and what is lost when processes die."""
 
-import json
 import os
 import re
 import signal
@@ -11,7 +10,6 @@ import time
 import pytest
 
 from experiments.sweep import cells
-from experiments.sweep.policy_store import PolicyStore
 from skill.manipulation_skill import ManipulationSkill
 from tests.experiments.sweep.conftest import rows_in
 from tests.scripts.commands import ROOT
@@ -64,21 +62,6 @@ def test_policies_that_learn_are_taught_once_and_kept(specification, perform, tm
     assert len(perform(specification(**keys, trials={"first": 10, "number": 6}), jobs=1)) == 12
 
 
-def test_a_law_is_made_once_and_kept_as_its_parameters(specification, perform, tmp_path, monkeypatch):
-    keys = {"policies": {"push": {**PUSH, "options": {"depth": 0.003}, "carried_over": True}}}
-    perform(specification(**keys, trials={"number": 1}))
-    (notes,) = (tmp_path / "results" / "skills").glob("*.json")
-    kept = json.loads(notes.read_text())
-    parameters = {"deaths": "", "times": 0, "depth": 0.003}
-    assert kept["law"] == {"class": "tests.experiments.sweep.pushes:Push", "parameters": parameters}
-    with monkeypatch.context() as patched:
-        patched.setattr(PolicyStore, "make", None)  # nothing is made again
-        assert len(perform(specification(**keys, trials={"number": 2}), jobs=1)) == 2
-    notes.write_text(json.dumps(kept | {"law": {"class": "os:system", "parameters": {"command": "true"}}}))
-    with pytest.raises(ValueError, match=r"policies\.push: its notes name os:system, which is not in its package"):
-        perform(specification(**keys, trials={"number": 3}), jobs=1)
-
-
 def test_a_killed_worker_costs_its_trial_once_and_what_always_kills_is_given_up(specification, perform, tmp_path):
     deadly, fatal = ({**PUSH, "options": {"deaths": str(tmp_path / f"{k}"), "times": k}} for k in (1, 99))
     rows = perform(specification(policies={"push": deadly}, trials={"number": 2}))
@@ -111,7 +94,7 @@ def test_a_killed_client_loses_no_row_and_a_second_one_goes_on(specification, tm
     assert after[after.key.isin(before.key)].reset_index(drop=True).equals(before)
 
 
-def wait_for(condition, seconds=120.0):
+def wait_for(condition, seconds=400.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end

@@ -3,18 +3,15 @@
 import numpy as np
 import pytest
 
-from experiments.trial.force_metrics import ForceMetrics, contact_rows
+from experiments.trial.force_metrics import contact_rows, force_figures
 from skill.data.rig_run import CONTACT_COLUMNS, ContactPlace
-from systems.plant.contact_forces import Contact, contact_table
+from systems.plant.contact_forces import Contact, contact_table, needs_contacts
 
 RADIUS, STEP = 0.01, 2e-3
 
 
 def figures_of(wrenches):
-    metrics = ForceMetrics(RADIUS, STEP)
-    for wrench in wrenches:
-        metrics.add_step(np.array(wrench, dtype=float))
-    return metrics.figures(peak_measured_load=0.0)
+    return force_figures(np.array(wrenches, dtype=float), RADIUS, STEP, 0.0, 0.0)
 
 
 def contact(place, force, normal=(1.0, 0.0, 0.0), point=(0.01, 0.0, -0.001)):
@@ -47,27 +44,12 @@ def test_the_first_touch_is_the_impulse_of_50_ms():
     assert figures_of(wrenches[:17]).first_touch == pytest.approx(5.0 * 0.020)
 
 
-def test_contacts_are_read_at_a_new_largest_load_or_extent_only():
-    metrics = ForceMetrics(RADIUS, STEP)
-    push = np.array([0.0, 0, 10, 0, 0, 0])
-    turn = np.array([0.0, 0, 0, 0, 0.11, 0])  # a load of 11 N
-    assert not metrics.needs_contacts(push, 0.0)  # nothing touches
-    assert metrics.needs_contacts(push, 1e-6)
-    assert not metrics.needs_contacts(push, 1e-6)
-    assert not metrics.needs_contacts(1.04 * push, 1.04e-6)
-    assert metrics.needs_contacts(turn, 1e-6)
-    assert not metrics.needs_contacts(turn, 1e-6)
-    assert metrics.needs_contacts(push, 1.2e-6)
-    assert not metrics.needs_contacts(push, 1.1e-6)
-
-
-def test_the_largest_single_contact_counts_wherever_it_is_read():
-    metrics = ForceMetrics(RADIUS, STEP)
-    metrics.add_contacts([contact(ContactPlace.MOUTH, 7.0), contact(ContactPlace.TIP, 9.0)])
-    metrics.add_contacts([])
-    assert metrics.figures(peak_measured_load=0.0).peak_contact_force == 9.0
-    metrics.add_contacts([contact(ContactPlace.FACE, 11.0)])
-    assert metrics.figures(peak_measured_load=0.0).peak_contact_force == 11.0
+@pytest.mark.parametrize(
+    ("load", "extent", "needed"),
+    [(99.0, 0.0, False), (10.4, 1.04e-6, False), (10.6, 1e-6, True), (10.0, 1.06e-6, True), (10.0, 1e-6, False)],
+)
+def test_contacts_are_read_at_a_load_or_extent_that_is_larger_by_five_percent_only(load, extent, needed):
+    assert needs_contacts(load, extent, 10.0, 1e-6) == needed
 
 
 def rows(*looks, count):

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.paired_comparison import PairedChange
 from experiments.practice_results import Check, Round
+from experiments.scoreboard.paired_statistics import PairedChange
 from interfaces.reports.practice_report import change_table, check_costs, practice_record, round_table
 from skill.data.outcome import Outcome
 from tests.interfaces.reports.tables import text_of

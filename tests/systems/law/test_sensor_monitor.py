@@ -5,8 +5,8 @@ import pytest
 
 from models.hardware import WrenchSensorParameters
 from models.scenario import Scenario, load_scenario
-from systems.law.faults import Fault, repeats_of_a_stuck_sensor
-from systems.law.sensor_monitor import SensorLimits, SensorMonitor
+from systems.law.faults import Fault
+from systems.law.sensor_monitor import SensorLimits, SensorMonitor, repeats_of_a_stuck_sensor
 from systems.law.wrench_sensor import wrench_at_tip
 from tests.stepping import fixed_context, update
 
