@@ -9,21 +9,16 @@ result of each trial does.
 *trials a minute and core*: by CPU time. *times the diagram*: by CPU time, of the trials that both performed.
 *Python*: CPU time of the diagram, less that of the loop, a simulated second. *equal*: trials with the same outcome, and
 with the same samples bit for bit. *two cores*: trials a minute of two processes over those of one, by the clock.
-*regression*: time of one query of `LWRegressor` with 10,000 samples of 14 features, over that of scikit-learn's
-`KNeighborsRegressor(10)`.
 """
 
 from __future__ import annotations
 
-import statistics
 import time
 from collections.abc import Iterator
 from functools import partial
 from typing import Annotated
 
-import numpy as np
 import typer
-from sklearn.neighbors import KNeighborsRegressor
 
 from benchmarks.command_line import JsonFile, finish, run
 from experiments.trial.diagram_trial import run_rig
@@ -36,7 +31,6 @@ from interfaces.terminal import console
 from models.scenario import Scenario
 from scripts.command_line import SHIPPED
 from skill.manipulation_skill import ManipulationSkill
-from skill.regression.locally_weighted_regression import LWRegressor
 from systems.rig import MakeRig
 
 FIRST = 95000
@@ -86,20 +80,6 @@ def clock_rate(skill: ManipulationSkill, numbers: list[int], *, jobs: int) -> fl
     return sum(run_in_processes(tasks, jobs=2))  # 1 would be this process
 
 
-def regression_ratio(queries: int = 300) -> float:
-    """Returns the median time of one query over that of scikit-learn's nearest neighbours, taken in turns."""
-    rng = np.random.default_rng(0)
-    X, Y, Q = rng.normal(size=(10_000, 14)), rng.normal(size=(10_000, 3)), rng.normal(size=(queries, 14))
-    learners = LWRegressor(bandwidth=2.0).fit(X, Y), KNeighborsRegressor(10).fit(X, Y)
-    times: tuple[list[float], list[float]] = [], []
-    for query in Q:
-        for learner, spent in zip(learners, times, strict=True):
-            begun = time.perf_counter()
-            learner.predict(query[None])
-            spent.append(time.perf_counter() - begun)
-    return statistics.median(times[0]) / statistics.median(times[1])
-
-
 def main(
     trials: Annotated[int, typer.Option(min=4, help="Number of trials of the compiled loop.")] = 1000,
     compared: Annotated[int, typer.Option(min=2, help="Number of trials of the diagram.")] = 100,
@@ -129,22 +109,12 @@ def main(
         "samples_equal": bits,
         "inserted": inserted / trials,
         "two_core_ratio": by_clock[1] / by_clock[0],
-        "regression_to_neighbours": regression_ratio(),
     }
     table = plain_table(f"{trials:,} trials by the compiled loop, {len(pairs):,} of them by the diagram")
     for title in ("", "value"):
         table.add_column(title, justify="right" if title else "left")
-    for title, text in (
-        ("trials a minute and core", f"{rate:.0f}"),
-        ("times the diagram", f"{found['ratio_to_diagram']:.1f}"),
-        ("Python, CPU s a simulated second", f"{found['python_s_per_simulated_s']:.3f}"),
-        ("equal outcomes", f"{100 * outcomes:.1f} %"),
-        ("equal samples, bit for bit", f"{100 * bits:.1f} %"),
-        ("inserted", f"{100 * found['inserted']:.1f} %"),
-        ("two cores over one", f"{found['two_core_ratio']:.2f}"),
-        ("regression over nearest neighbours", f"{found['regression_to_neighbours']:.2f}"),
-    ):
-        table.add_row(title, text)
+    for name, value in found.items():
+        table.add_row(name.replace("_", " "), f"{value:.3f}")
     console.print(table)
     finish(found, json)
 

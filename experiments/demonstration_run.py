@@ -11,8 +11,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
 from experiments.provenance import versions
-from experiments.trial.jamming import is_jammed
 from experiments.trial.penetration import deepest_overlap
+from experiments.trial.stuck_peg import is_jammed
 from models.exact_geometry import rotations_of_vectors
 from models.scenario import Scenario, dump_scenario
 from skill.data.demonstration import Demonstration

@@ -114,10 +114,9 @@ def paired_change(before: ArrayLike, after: ArrayLike) -> PairedChange:
             before is not positive.
     """
     a, b = np.asarray(before, dtype=float), np.asarray(after, dtype=float)
-    if a.ndim != 1 or a.shape != b.shape or len(a) < 2:
-        raise ValueError(f"before has shape {a.shape} and after {b.shape}; expected both (n,) with n at least 2")
-    if not (np.isfinite(a).all() and np.isfinite(b).all() and (a > 0).all()):
-        raise ValueError("before and after: expected finite numbers, and positive ones before")
+    is_comparable = a.shape == b.shape and a.ndim == 1 and len(a) > 1 and np.isfinite([a, b]).all() and (a > 0).all()
+    if not is_comparable:
+        raise ValueError(f"before {a} and after {b}: expected at least two finite numbers each, those before positive")
     drawn = np.random.default_rng(0).integers(len(a), size=(RESAMPLES, len(a)))
     ratios = np.median(b[drawn], axis=1) / np.median(a[drawn], axis=1) - 1.0
     lower, upper = np.quantile(ratios, [0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
@@ -11,7 +12,7 @@ from typing import Any
 from experiments.demonstration_set import Request, requests
 from experiments.provenance import versions
 from experiments.sweep.code_digest import Requirements, code_digest, values_digest
-from experiments.sweep.policies import check_imports, file_digest, requirements_of
+from experiments.sweep.policies import check_imports, requirements_of
 from experiments.sweep.specification import BASE, Combination, PolicyPlan, Specification, plan_in
 from experiments.trial.trial_set import TrialSet, trial_scenario
 from models.scenario import Geometry, Scenario
@@ -172,7 +173,7 @@ def _recipes(
     teaching = plan_in(plan, combination, where)
     if teaching is None:
         if given is not None and plan.skill is not None:
-            acting = {"skill": file_digest(plan.skill)}
+            acting = {"skill": hashlib.sha256(plan.skill.read_bytes()).hexdigest()[:16]}
             _require_geometry(plan, scenario, PegHoleGeometry.find(given.metadata_, "the skill"), where)
         yield PolicyRecipe(plan, given, None, scenario, trial_set, acting), numbers
         return

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import inspect
 import re
@@ -68,11 +67,6 @@ class MadePolicy:
     train_s: float | None
     query_ms: float | None
     demonstrations: int | None
-
-
-def file_digest(path: Path) -> str:
-    """Returns a digest of the content of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
 def imported(path: str) -> Any:

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from experiments.provenance import versions
 from experiments.trial.field_score import field_score
 from experiments.trial.force_metrics import contact_rows
-from experiments.trial.jamming import is_jammed
 from experiments.trial.motion_metrics import MotionFigures
+from experiments.trial.stuck_peg import is_jammed, wedged_samples, wedged_time
 from experiments.trial.trial_result import TRUSTED_OVERLAP, ForceFigures, TrialResult
-from experiments.trial.wedging import wedged_samples, wedged_time
 from models.scenario import Scenario, dump_scenario
 from skill.arrays import Array
 from skill.data.axes import AXES

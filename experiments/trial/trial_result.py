@@ -91,7 +91,7 @@ class TrialResult(ForceFigures):
         states: numbers of the contact states visited, in order.
         fault: the detected fault.
         detail: text that adds to the outcome, such as the message of an exception.
-        wedged_time: time in which the peg was wedged, s; see `experiments.trial.wedging`.
+        wedged_time: time in which the peg was wedged, s; see `experiments.trial.stuck_peg`.
         path_length: see `experiments.trial.motion_metrics.MotionFigures`, m.
         mean_jerk: m/s^3.
         field_score: points by the rule in `experiments.trial.field_score`, at most 100.

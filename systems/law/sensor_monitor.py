@@ -290,9 +290,7 @@ class SensorMonitor(Part):
     """
 
     def __init__(self, *, limits: SensorLimits, period: float) -> None:
-        def step(state: Array, raw_wrench: Array, raw_depth: float, time: float) -> Array:
-            return sensor_monitor_step(limits, state, raw_wrench, raw_depth, time)
-
+        step = partial(sensor_monitor_step, limits)
         super().__init__({"raw_wrench": 6, "raw_depth": 1}, state=np.zeros(SIZE), period=period, step=step, timed=True)
         self.declare_output("wrench", 6, partial(sound_wrench, limits), "raw_wrench")
         self.declare_output("depth", 1, sound_depth, "raw_depth")

@@ -161,7 +161,7 @@ def test_a_diverged_demonstration_is_bad_whatever_the_operator_says(started, mon
 
 
 def test_a_peg_that_is_pressed_until_the_time_is_over_is_jammed(started, monkeypatch):
-    monkeypatch.setattr("experiments.trial.jamming.JAMMED_TIME", 0.03)
+    monkeypatch.setattr("experiments.trial.stuck_peg.JAMMED_TIME", 0.03)
     for force, outcome in ((2.9, Outcome.TIME_OVER), (3.1, Outcome.JAMMED)):
         with monkeypatch.context() as patch:
             assert record_with_force(started, patch, force, Ending(Outcome.TIME_OVER)).outcome is outcome

@@ -87,16 +87,16 @@ def test_the_interval_of_published_numbers_can_be_repeated():
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "message"),
+    ("before", "after"),
     [
-        ([1.0, 2.0], [1.0], "shape"),
-        ([1.0], [1.0], "at least 2"),
-        ([1.0, np.nan], [1.0, 1.0], "finite"),
-        ([1.0, 2.0], [1.0, -np.inf], "finite"),
-        ([0.0, 1.0], [1.0, 1.0], "positive"),
-        ([[1.0], [2.0]], [[1.0], [2.0]], "shape"),
+        ([1.0, 2.0], [1.0]),
+        ([1.0], [1.0]),
+        ([1.0, np.nan], [1.0, 1.0]),
+        ([1.0, 2.0], [1.0, -np.inf]),
+        ([0.0, 1.0], [1.0, 1.0]),
+        ([[1.0], [2.0]], [[1.0], [2.0]]),
     ],
 )
-def test_measurements_that_cannot_be_compared_are_an_error(before, after, message):
-    with pytest.raises(ValueError, match=message):
+def test_measurements_that_cannot_be_compared_are_an_error(before, after):
+    with pytest.raises(ValueError, match="expected at least two finite numbers each"):
         paired_change(before, after)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.trial.run_trial import run_trial, run_trials
+from experiments.trial.run_trial import run_trial
 from experiments.trial.trial_set import (
     HARD_FRICTION,
     HARD_PIVOT,
@@ -102,14 +102,6 @@ def test_a_simulation_that_diverges_ends_its_trial(quick_scenario, skill):
     assert result.reason.startswith("diverged")
     json.dumps(result.record(), allow_nan=False)
     assert np.isfinite(run.samples.to_numpy()).all()
-
-
-@pytest.mark.slow
-def test_the_number_of_jobs_does_not_change_the_results(quick_scenario, skill):
-    quick_scenario.trial.time_limit = 0.15
-    alone = [asdict(r) for r, _ in run_trials(quick_scenario, skill, [3, 4], jobs=1)]
-    together = [asdict(r) for r, _ in run_trials(quick_scenario, skill, [3, 4], jobs=2)]
-    assert alone == together
 
 
 @given(number=st.integers(0, 10**6))

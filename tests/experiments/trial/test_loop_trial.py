@@ -8,7 +8,6 @@ import pytest
 
 from experiments.trial.diagram_trial import run_rig
 from experiments.trial.loop_trial import rolled_out
-from experiments.trial.run_trial import run_trial
 from experiments.trial.trial_set import TrialSet, trial_scenario
 from models.scenario import load_scenario
 from scripts.command_line import SHIPPED
@@ -111,15 +110,6 @@ def test_a_skill_that_turns_about_the_axis_acts_alike(shipped):
 def test_a_perturbed_skill_acts_alike(shipped):
     perturbation = draw_perturbation(np.random.default_rng(0), 0.02)
     compared(scenario_of(511, trial__time_limit=1.5), PerturbedPolicy(shipped, perturbation))
-
-
-@pytest.mark.slow
-def test_a_trial_of_the_command_is_that_of_the_loop(shipped):
-    scenario = scenario_of(508, trial__time_limit=1.0)
-    result, run = run_trial(scenario, shipped, seed=508)
-    ended = rolled_out(scenario, shipped, number=508)
-    assert result == ended.result
-    assert list(run.samples.columns) == list(ended.record(shipped).samples.columns)
 
 
 def test_only_the_exact_engine_and_skills_that_imitate_have_a_loop(shipped):
