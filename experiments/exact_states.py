@@ -24,15 +24,6 @@ UNKNOWN = -1
 """Number of a contact label that is not known."""
 
 
-def exact_bodies(demonstration: Demonstration) -> Assembly:
-    """Returns the exact peg and hole of a demonstration.
-
-    Raises:
-        ValueError: if the metadata of the demonstration hold no complete geometry.
-    """
-    return Assembly.of(PegHoleGeometry.from_metadata(demonstration.metadata, "demonstration"))
-
-
 def exact_labels(demonstration: Demonstration) -> NDArray[np.intp]:
     """Returns the exact contact state (`ContactLabel`) of each sample, (n,), from the true pose.
 
@@ -45,7 +36,8 @@ def exact_labels(demonstration: Demonstration) -> NDArray[np.intp]:
     R_HP = rotations_of_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
     upright = R_HP[:, 2, 2] > MIN_UPRIGHT
     labels = np.full(len(samples), UNKNOWN, dtype=np.intp)
-    labels[upright] = exact_bodies(demonstration).label(samples[["x", "y", "z"]].to_numpy()[upright], R_HP[upright])
+    bodies = Assembly.of(PegHoleGeometry.from_metadata(demonstration.metadata, "demonstration"))
+    labels[upright] = bodies.label(samples[["x", "y", "z"]].to_numpy()[upright], R_HP[upright])
     return labels
 
 

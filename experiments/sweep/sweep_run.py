@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
+from datetime import UTC, datetime
 from functools import partial
 
+from threadpoolctl import threadpool_limits
+
+from experiments.provenance import versions
 from experiments.sweep.cell_files import CellFile, Row
 from experiments.sweep.cells import Cell
+from experiments.sweep.code_digest import code_digest
 from experiments.sweep.policies import MadePolicy
 from experiments.sweep.policy_store import PolicyStore
-from experiments.sweep.trial_rows import perform
+from experiments.sweep.trial_files import MEASURED_NUMBERS
+from experiments.trial.run_trial import perform_trial
+from experiments.trial.trial_result import COUNTS, TrialResult
 from experiments.worker_pool import LostWorkerError, WorkerPool
+from models.scenario import Scenario, dump_scenario
 from systems.law.faults import error_summary
 
 WRITE_PERIOD = 1.0
@@ -31,6 +40,50 @@ def row_of(place: Place, cell: Cell, policy: MadePolicy) -> tuple[Place, Row | s
         return place, perform(cell, policy, place[1])
     except Exception as error:  # the other trials go on
         return place, error_summary(error)
+
+
+def perform(cell: Cell, made: MadePolicy, number: int) -> Row:
+    """Performs one trial of a cell and returns its row; the trials of a cell may share a rig.
+
+    Raises:
+        ValueError: if the scenario has no such trial, or the policy is made for another peg or hole.
+    """
+    began, cpu, taught_by = datetime.now(UTC), time.process_time(), cell.recipe.demonstrations
+    with threadpool_limits(1):
+        drawn, result = perform_trial(
+            cell.scenario, made.policy, number=number, trial_set=cell.trial_set, cell=cell.digest
+        )
+    return {
+        **result_columns(result),
+        **scenario_columns(drawn),
+        **{"factors": cell.factors, "skill": cell.recipe.digest, "states": len(made.policy.state_names())},
+        **{"demonstrations": made.demonstrations, "demonstration_set": None if taught_by is None else taught_by.seed},
+        **{"train_s": made.train_s, "query_ms": made.query_ms, "cpu_s": time.process_time() - cpu},
+        **{"code": code_digest(), "versions": json.dumps(versions()), "began": began.isoformat(timespec="seconds")},
+    }
+
+
+def result_columns(result: TrialResult) -> Row:
+    """Returns the columns of a result: rounded, in mm, um and degrees, as in ``results.json``."""
+    record = result.record()
+    pitch, yaw = record["tilt_deg"]
+    return {
+        **{"trial": result.seed, "inserted": result.inserted, "outcome": result.outcome.value},
+        **{"fault": result.fault.name.lower() if result.fault else "", "reason": result.reason},
+        **{"trusted": result.trusted, "tilt_x_deg": pitch, "tilt_y_deg": yaw},
+        **{name: record[name] for name in (*MEASURED_NUMBERS, *COUNTS) if name in record},
+    }
+
+
+def scenario_columns(scenario: Scenario) -> Row:
+    """Returns the columns of a resolved scenario."""
+    g, pivot = scenario.geometry, scenario.rig.pivot_height
+    return {
+        **{"friction": scenario.contact.friction, "pivot_mm": None if pivot is None else 1e3 * pivot},
+        **{"peg_radius_mm": 1e3 * g.peg_radius, "hole_radius_mm": 1e3 * g.hole_radius},
+        **{"clearance": g.clearance / g.peg_radius, "force_limit_n": scenario.controller.guard.force_limit},
+        **{"time_limit_s": scenario.trial.time_limit, "scenario": dump_scenario(scenario)},
+    }
 
 
 class SweepRun:

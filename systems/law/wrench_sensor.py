@@ -170,5 +170,4 @@ SENSOR_NOISE = "sensor noise"
 
 def drawn_bias(parameters: WrenchSensorParameters, seed: int) -> Array:
     """Returns the bias (6,) of a sensor, N and N m, from the seed of a scenario."""
-    p = parameters
-    return np.repeat([p.force_bias, p.torque_bias], 3) * standard_normal(seed, "sensor bias", 0, 6)
+    return np.repeat([parameters.force_bias, parameters.torque_bias], 3) * standard_normal(seed, "sensor bias", 0, 6)

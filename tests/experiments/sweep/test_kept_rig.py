@@ -5,7 +5,7 @@ import pytest
 from experiments.sweep.cells import Cell, PolicyRecipe
 from experiments.sweep.policies import MadePolicy
 from experiments.sweep.specification import PolicyPlan
-from experiments.sweep.trial_rows import perform, result_columns
+from experiments.sweep.sweep_run import perform, result_columns
 from experiments.trial import diagram_trial
 from experiments.trial.run_trial import run_trial
 from experiments.trial.trial_set import TrialSet, trial_scenario

@@ -2,8 +2,8 @@
 
 import pytest
 
+from experiments.sweep.sweep_run import scenario_columns
 from experiments.sweep.trial_files import SCHEMA
-from experiments.sweep.trial_rows import scenario_columns
 from models.scenario import load_scenario
 from tests.experiments.sweep.made_up_rows import made_up_row
 
