@@ -174,7 +174,7 @@ def test_the_explanation_adds_up_to_the_prediction():
 
 def test_other_errors_name_the_remedy():
     X, Y = wavy()
-    dut = LWRegressor().fit(X, Y)
+    dut = LWRegressor(bandwidth=1.0).fit(X, Y)
     with pytest.raises(ValueError, match="at least one"):
         LWRegressor().fit(X, Y, sample_weight=np.zeros(400))
     with pytest.raises(ValueError, match="one row a sample"):
@@ -254,12 +254,12 @@ def test_a_parameter_out_of_range_is_refused(change):
 def test_standardised_features_ignore_those_that_do_not_vary():
     X, Y = wavy(60)
     X = np.column_stack([X * [1.0, 10.0, 0.1], np.full(60, 7.0)])
-    dut = LWRegressor(feature_scale="standard").fit(X, Y)
+    dut = LWRegressor(bandwidth=1.0, feature_scale="standard").fit(X, Y)
     np.testing.assert_allclose(dut.feature_scale_, [*(1.0 / X[:, :3].std(axis=0)), 1.0])
     np.testing.assert_allclose(dut.X_, X * dut.feature_scale_)
-    given = LWRegressor(feature_scale=[1.0, 2.0, 3.0, 4.0]).fit(X, Y)
+    given = LWRegressor(bandwidth=1.0, feature_scale=[1.0, 2.0, 3.0, 4.0]).fit(X, Y)
     np.testing.assert_array_equal(given.X_, X * [1.0, 2.0, 3.0, 4.0])
-    np.testing.assert_array_equal(LWRegressor(feature_scale=None).fit(X, Y).feature_scale_, 1.0)
+    np.testing.assert_array_equal(LWRegressor(1.0, feature_scale=None).fit(X, Y).feature_scale_, 1.0)
 
 
 @pytest.mark.parametrize(
