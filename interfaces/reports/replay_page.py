@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -161,14 +160,12 @@ def _ring(motion: Motion) -> float:
 def _dial_path(motion: Motion, lean: Array) -> str:
     """The path of the lean over the dial, in the colours of the phases."""
     starts = [0, *(np.flatnonzero(np.diff(motion.phase)) + 1).tolist()]
+    points = [f"{x:.4f},{y:.4f}" for x, y in lean]
+    runs = zip(starts, [*starts[1:], None], strict=True)
     return "".join(
-        f'<polyline stroke="{motion.colours[motion.phase[start]]}" points="{_points(lean[max(start - 1, 0) : end])}"/>'
-        for start, end in zip(starts, [*starts[1:], None], strict=True)
+        f'<polyline stroke="{motion.colours[motion.phase[k]]}" points="{" ".join(points[max(k - 1, 0) : end])}"/>'
+        for k, end in runs
     )
-
-
-def _points(places: Iterable[Array]) -> str:
-    return " ".join(f"{x:.4f},{y:.4f}" for x, y in places)
 
 
 def _timeline(motion: Motion) -> str:
