@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import json
-import math
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -52,9 +51,6 @@ MAX_PERIOD = 1.0
 MAX_ACTION = 10.0
 """Largest turn (rad) or feed (m) over one sample period."""
 
-MAX_SEED = 2**32 - 1
-"""Largest seed of NumPy's and scikit-learn's generators."""
-
 POLICIES = ("imitate", "plan")
 """How a skill can act; see `skill.policy.imitation` and `skill.policy.planner`."""
 
@@ -64,35 +60,24 @@ N_ACTIONS = (3, 4)
 Check = Callable[[Any], bool]
 
 
-def _at_least_zero(value: Any) -> bool:
-    return is_number(value) and 0.0 <= value <= MAX_MAGNITUDE
-
-
 def _positive(value: Any) -> bool:
     return is_number(value) and MIN_POSITIVE <= value <= MAX_MAGNITUDE
 
 
-PARAMETERS: dict[str, tuple[Check, str]] = {
-    "still": (_at_least_zero, "a length in m of at least 0"),
-    "rough": (
-        lambda value: is_number(value) and (0.0 < value <= MAX_MAGNITUDE or value == math.inf),
-        "a positive length in m",
-    ),
-    "correction_time": (_positive, "a positive time in s"),
-    "feed_time": (_positive, "a positive time in s"),
-    "force_noise": (_at_least_zero, "a force in N of at least 0"),
-    "moment_noise": (_at_least_zero, "a moment in N m of at least 0"),
-    "policy": (lambda value: value in POLICIES, f"one of {list(POLICIES)}"),
-    "random_state": (
-        lambda value: value is None or (type(value) is int and 0 <= value <= MAX_SEED),
-        "an integer from 0 to 2^32 - 1",
-    ),
-}
-"""The constructor parameters of a `ManipulationSkill` that are stored, and what they may be."""
+PARAMETERS = (
+    *("still", "rough", "correction_time", "feed_time", "force_noise", "moment_noise"),
+    *("policy", "random_state"),
+)
+"""The constructor parameters of a `ManipulationSkill` that are stored. All but the policy matter to training alone."""
+
+
+def _are_parameters(value: Any) -> bool:
+    return isinstance(value, dict) and set(value) == set(PARAMETERS) and value["policy"] in POLICIES
+
 
 ENTRIES: dict[str, tuple[Check, str]] = {
     "skill_version": (lambda value: type(value) is int, "an integer"),
-    "parameters": (lambda value: isinstance(value, dict), "an object"),
+    "parameters": (_are_parameters, f"an object of {list(PARAMETERS)}, the policy one of {list(POLICIES)}"),
     "features": (lambda value: isinstance(value, list), "a class name and its parameters"),
     "state_features": (lambda value: isinstance(value, list), "a class name and its parameters"),
     "period": (lambda value: is_number(value) and 0.0 < value <= MAX_PERIOD, "a positive time of at most 1 s"),
@@ -250,8 +235,13 @@ def _check_types(parts: Mapping[str, Any]) -> None:
 
 def _check_header(header: Mapping[str, Any]) -> None:
     """Checks the header of a skill file; a ValueError names the entry, what was found and what was expected."""
-    _check_entries(header, ENTRIES, "entries of the header")
-    _check_entries(header["parameters"], PARAMETERS, "parameters")
+    odd = sorted(set(header) ^ set(ENTRIES))
+    if odd:
+        raise ValueError(f"entries of the header {odd} missing or unknown; expected exactly {list(ENTRIES)}")
+    for name, (fits, wanted) in ENTRIES.items():
+        if not fits(header[name]):
+            text = repr(header[name])
+            raise ValueError(f"'{name}' is {text if len(text) < 60 else f'{text[:60]}...'}, expected {wanted}")
     PegHoleGeometry.find(header["metadata"], "header")
     for name in ("demonstrations", "good", "practice_trials"):
         count = header["metadata"].get(name, 1)
@@ -318,13 +308,3 @@ def _check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, 
     names = header["names"]
     if names is not None and len(names) < K:
         raise ValueError(f"header: {len(names)} names, expected one for each of {K} states")
-
-
-def _check_entries(found: Mapping[str, Any], expected: Mapping[str, tuple[Check, str]], what: str) -> None:
-    odd = sorted(set(found) ^ set(expected))
-    if odd:
-        raise ValueError(f"{what} {odd} missing or unknown; expected exactly {list(expected)}")
-    for name, (fits, wanted) in expected.items():
-        if not fits(found[name]):
-            text = repr(found[name])
-            raise ValueError(f"'{name}' is {text if len(text) < 60 else f'{text[:60]}...'}, expected {wanted}")
