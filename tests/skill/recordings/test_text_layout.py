@@ -177,6 +177,7 @@ BARE = {  # text, options: value of fz in the third row
     "a single channel": ("3\n" * 3, {"columns": ["fz"], "sampling_rate": 10}, 3),
     "with phases": (rows("1", "2", "3", "x"), {"columns": ["time,fx,fy,fz,phase"]}, 3),
     "missing at the begin": ("nan nan nan\n" + "1 2 3\n" * 3, {"columns": ["fx,fy,fz"], "sampling_rate": 10}, 3),
+    "missing beside": ("nan 1 2 3\n" * 3, {"columns": ["fx=2", "fy=3", "fz=4"], "sampling_rate": 10}, 3),
     "names without a time": ("fx,fy,fz\n" + "1,2,3\n" * 3, {"sampling_rate": 10}, 3),
 }
 
@@ -212,6 +213,7 @@ NOT_BARE = {
     "a damaged row": ("1,x,3\n1,2,3\n", {"columns": ["fx,fy,fz"]}, "line 1: 'x' in column 'fy', expected a number"),
     "a short row": ("1,2\n1,2,3\n", {"columns": ["fx,fy,fz"]}, "line 1 has 2 fields, expected 3"),
     "words": ("a b\n", {"columns": ["fx,fy,fz"]}, "no line of 3 numbers"),
+    "words alone": ("a b\nc d\n", {}, "no line of column names such as"),
     "a wrong unit": ("1 2 3\n", {"columns": ["fx:V,fy,fz"]}, "'fx=fx:V': 'V' is no unit of force"),
     "a time": (
         "1 1 2 3\n" * 3,
