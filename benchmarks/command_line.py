@@ -13,8 +13,6 @@ from experiments.machine_speed import machine_speed
 from interfaces.terminal import report_errors, say, write_json
 
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the results to this file.")]
-Demonstrations = Annotated[list[Path], typer.Option(metavar="FOLDER", help="Recorded set; repeatable.")]
-SkillFile = Annotated[Path, typer.Option("--skill", metavar="FILE", help="Skill that performs the trials.")]
 
 
 def run(main: Callable[..., None]) -> None:

@@ -13,8 +13,6 @@ floor lies below. A box is wider than its side; its ends lie within its neighbou
 
 from __future__ import annotations
 
-import copy
-
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
@@ -125,7 +123,7 @@ class MujocoProbe:
         bodies = f"{bore(g)}<body>{joints}{own}{peg}</body>"
         self.model = mujoco.MjModel.from_xml_string(document(scenario.contact.friction, bodies))
         self.data = mujoco.MjData(self.model)
-        self._damping = copy.deepcopy(self.model.dof_damping)
+        self._damping = drag
 
     def place(self, pose: PlanarPose) -> None:
         """See `PlanarProbe`."""

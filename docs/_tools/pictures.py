@@ -115,11 +115,6 @@ def rendered() -> None:
     Image.fromarray(env.render()).save(PICTURES / "gymnasium.png")
 
 
-def both() -> dict[str, Path]:
-    """A usual and a harder trial."""
-    return {"a usual trial": trial("usual", smooth), "a harder trial": trial("hard", smooth)}
-
-
 DIAGRAMS = "haptic_skill diagram --out docs/pictures"
 
 COMMANDS: dict[str, Callable[[], object]] = {
@@ -131,7 +126,11 @@ COMMANDS: dict[str, Callable[[], object]] = {
         lambda: {"a wedge: two contacts squeeze the peg": trial("hard", lambda result: result["wedged_s"] > 1.0)},
         end=2.4,
     ),
-    "stress.webp": partial(film, "stress", both),
+    "stress.webp": partial(
+        film,
+        "stress",
+        lambda: {"a usual trial": trial("usual", smooth), "a harder trial": trial("hard", smooth)},
+    ),
     "correction.webp": partial(
         film,
         "correction",

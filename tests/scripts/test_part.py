@@ -20,12 +20,3 @@ def test_parts_that_do_not_fit_are_refused_and_nothing_is_written(tmp_path):
     out = tmp_path / "part.yaml"
     assert "they interfere by 50.0 um" in error_line(invoke("part", *files, "--out", out))
     assert not out.exists()
-
-
-def test_another_file_is_not_replaced(tmp_path):
-    (tmp_path / "part.yaml").write_text("Dear diary, ...")
-    line = error_line(
-        invoke("part", PARTS / "d_shaft.step", PARTS / "d_shaft_hole.step", "--out", tmp_path / "part.yaml")
-    )
-    assert "is another file, and is not replaced by a scenario" in line
-    assert "there is no file" not in line
