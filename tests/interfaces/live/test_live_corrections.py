@@ -64,7 +64,7 @@ def test_a_skill_practises_is_shown_learns_and_performs_on_one_page(place, tmp_p
             wait_for_text(page, "status", "the page was closed")
             page.wait("document.body.innerText.includes('skip the pose')")
             insert_by_feel(page)
-            wait_for_text(page, "status", "inserted: G keep as good")
+            wait_for_text(page, "status", "^inserted.*: G keep as good")
             before = page.screenshot()
             press(page, "g")
             session.wait_for("kept 000_good_live.parquet")
