@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any, Self
 
+from skill.data.files import is_number
+
 MAX_SIZE = 10.0
 """Largest size of peg or hole, m; scenarios allow no larger one."""
 
@@ -76,7 +78,7 @@ class PegHoleGeometry:
             return None
         if not isinstance(stored, Mapping):
             raise ValueError(f"{where}: geometry is {stored!r}; expected a mapping of the sizes {_names()}")
-        missing = [name for name in _names() if not _is_number(stored.get(name))]
+        missing = [n for n in _names() if not (is_number(stored.get(n)) and math.isfinite(stored[n]))]
         if missing:
             raise ValueError(f"{where}: geometry lacks {missing}; expected finite numbers for {_names()}")
         sizes: dict[str, Any] = {name: float(stored[name]) for name in _names() if name != "facets"}
@@ -166,7 +168,3 @@ def _names() -> list[str]:
 
 def _rows(rows: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(value) for value in row) for row in rows)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -36,6 +36,12 @@ MIN_MOMENT = 1e-6
 MAX_HAND_SPEED, MAX_TURN_SPEED = 5.0, 20.0
 """Largest speed of the hand, m/s, and largest angular speed of hand or peg, rad/s."""
 
+ACTION_SPEEDS = (
+    *((name, MAX_HAND_SPEED, "m/s") for name in ("ux", "uy", "uz")),
+    *((name, MAX_TURN_SPEED, "rad/s") for name in ("rx", "ry", "rz")),
+)
+"""Columns of the action of the hand, with its largest speed along each."""
+
 MAX_PERIOD = 0.5
 """Largest sample period, s; at 2 Hz no contact can be followed."""
 
@@ -92,7 +98,7 @@ def check_demonstration(samples: pd.DataFrame, geometry: PegHoleGeometry | None,
         *((f"column '{name}' inside the bore", column[name][inside], -bore, bore, "m") for name in ("x", "y")),
         *((f"column '{name}'", column[name], -MAX_FORCE, MAX_FORCE, "N") for name in ("fx", "fy", "fz")),
         # The first row has no sample before it.
-        *((f"column '{n}' over time", column[n][1:] / steps, *_speed(n)) for n in ("ux", "uy", "uz", "rx", "ry", "rz")),
+        *((f"column '{n}' over time", column[n][1:] / steps, -v, v, unit) for n, v, unit in ACTION_SPEEDS),
         ("column 'dangle' over time", column["dangle"][1:] / steps, 0.0, MAX_TURN_SPEED, "rad/s"),
     ):
         if values.size and not (low <= values.min() and values.max() <= high):
@@ -108,13 +114,6 @@ def check_demonstration(samples: pd.DataFrame, geometry: PegHoleGeometry | None,
     _check_turns(samples, where)
     if inserted and geometry is not None:
         _check_inserted(column["z"], geometry, where)
-
-
-def _speed(name: str) -> tuple[float, float, str]:
-    """Limits and unit of the speed of the hand, from the name of a column of its action."""
-    return (
-        (-MAX_HAND_SPEED, MAX_HAND_SPEED, "m/s") if name.startswith("u") else (-MAX_TURN_SPEED, MAX_TURN_SPEED, "rad/s")
-    )
 
 
 def _check_inserted(z: Array, geometry: PegHoleGeometry, where: str) -> None:

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from skill.recordings.units import UNITS, is_unit, si_symbol, unit_size
+from skill.recordings.units import UNITS, is_unit, unit_size
 
 KNOWN = {  # (quantity, unit): its size, from the definitions of the units
     ("force", "N"): 1,
@@ -72,7 +72,3 @@ def test_a_unit_of_another_quantity_is_refused():
         ValueError, match=r"'mm' is no unit of force; expected one of \['gf', 'kgf', 'klbf', 'kn', 'lbf'"
     ):
         unit_size("mm", "force")
-
-
-def test_a_plain_number_has_the_symbol_1():
-    assert si_symbol(None) == si_symbol("charge") == "1"
