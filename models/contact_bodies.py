@@ -96,91 +96,135 @@ def surface_pieces(section: Section, *, inside: bool) -> Array:
     return np.asarray(pieces[~hollow])
 
 
-class Curve(NamedTuple):
-    """Outlines along which contacts are sought, one of each mate, at samples of their pieces.
+RIM_PIECES, OUTER_PIECES, INNER_PIECES, WALLS, SIDES = range(5)
+"""The outlines of a mate: the three curves, and the pieces of the hole and of the peg that the other can touch."""
+
+TIP, MOUTH, RADIUS, CLEARANCE, DEPTH, INSIDE, MATE_COLUMNS = slice(0, 3), slice(3, 6), 6, 7, 8, 9, 12
+"""Columns of a mate: the centre of its tip in P and of its mouth in H, the outer radius of the peg, the distance of the
+outlines of peg and hole, the depth of the floor below the mouth, and the smallest distances of the three curves from
+their axis, m."""
+
+BOX = 8
+"""The first of the four columns of a piece that follow those of `models.section`: its smallest x and y, and its largest
+x and y, m."""
+
+
+class ContactLaw(NamedTuple):
+    """The law of a contact; see `systems.plant.exact_contact`.
 
     Attributes:
-        pieces: (n, 8) of `models.section`, m.
-        mates: (k + 1,), number of the first piece of each outline, and n.
-        places: samples, (m,): angle (rad) on an arc, or distance along a segment (m).
-        x: first coordinate of the samples, m.
-        y: second coordinate, m.
-        t_x: first component of the derivative of the coordinates by the place.
-        t_y: second component.
-        first: (n + 1,), number of the first sample of each piece, and m.
-        boxes: (n, 4), smallest and largest coordinates of the pieces, m.
-        ends: (e, 4), likewise of the points at which segments end.
-        mate_ends: (k + 1,), number of the first of these points of each outline, and e.
-        inner: (k,), smallest distance of each outline from its axis, m.
+        friction: coefficient mu.
+        stiffness: k, N/m.
+        dissipation: d, s/m.
     """
 
+    friction: float
+    stiffness: float
+    dissipation: float
+
+
+class Bodies(NamedTuple):
+    """Peg and hole in few arrays, so that a compiled function takes them at once (m).
+
+    The outlines are in the order of `RIM_PIECES`, ..., `SIDES`; each is that of the first mate, of the second, and so
+    on. Outline g of mate i begins at entry g k + i of ``outlines``, and ends where the next one begins.
+
+    Attributes:
+        mates: (k, MATE_COLUMNS).
+        pieces: (n, 12), of all outlines.
+        samples: (5, m), of the pieces of the curves: place, which is an angle (rad) on an arc, or the distance along a
+            segment; two coordinates; and their derivatives by the place.
+        ends: (e, 4), points at which segments of the curves end, twice, as a box.
+        outlines: (5 k + 1,), numbers of pieces.
+        first: number of the first sample of each piece of a curve, and m.
+        corners: (3 k + 1,), number of the first of the ends of each curve, and e.
+        most: largest number of samples of a piece.
+        chamfer: width and height of the chamfer.
+        law: of the contact.
+    """
+
+    mates: Array
     pieces: Array
-    mates: Numbers
-    places: Array
-    x: Array
-    y: Array
-    t_x: Array
-    t_y: Array
-    first: Numbers
-    boxes: Array
+    samples: Array
     ends: Array
-    mate_ends: Numbers
-    inner: Array
+    outlines: Numbers
+    first: Numbers
+    corners: Numbers
+    most: int
+    chamfer: float
+    law: ContactLaw
 
     @classmethod
-    def of(cls, sections: Sequence[Section]) -> Self:
-        """Returns the outlines of sections."""
-        curves = [cls._of_one(section) for section in sections]
-        joined = {name: np.concatenate([getattr(curve, name) for curve in curves]) for name in cls._fields}
-        return cls(**joined)._replace(
-            mates=_starts([curve.pieces for curve in curves]),
-            first=np.concatenate([[0], np.cumsum(np.concatenate([np.diff(curve.first) for curve in curves]))]),
-            mate_ends=_starts([curve.ends for curve in curves]),
-        )
+    def of(cls, scenario: Any) -> Self:
+        """Returns the bodies of a `models.scenario.Scenario`."""
+        contact = scenario.contact
+        law = ContactLaw(contact.friction, contact.stiffness, contact.dissipation)
+        return cls.of_mates(scenario.geometry.assembly.mates)._replace(law=law)
 
     @classmethod
-    def _of_one(cls, section: Section) -> Self:
-        pieces, samples, first = curve_pieces(section), [], [0]
-        for piece in pieces:
-            arcs = max(MIN_INTERVALS, math.ceil(SAMPLES * abs(piece[SPAN]) / (2.0 * math.pi) - 1e-9))
-            count = arcs if piece[KIND] != 0.0 else 1  # along a segment a gap is convex, so that its ends suffice
-            low = min(piece[START], piece[START] + piece[SPAN]) if piece[KIND] != 0.0 else 0.0
-            spacing = (abs(piece[SPAN]) if piece[KIND] != 0.0 else piece[SIZE]) / count
-            place = low + spacing * np.arange(count + 1)
-            if piece[KIND] == 0.0:
-                one = np.ones(count + 1)
-                x, y = piece[X] + place * piece[C], piece[Y] + place * piece[S]
-                rows = np.column_stack([place, x, y, piece[C] * one, piece[S] * one])
-            else:
-                cosine, sine = piece[SIZE] * np.cos(place), piece[SIZE] * np.sin(place)
-                rows = np.column_stack([place, piece[X] + cosine, piece[Y] + sine, -sine, cosine])
-                if len(pieces) == 1:
-                    rows[-1, 1:] = rows[0, 1:]
-            samples.append(rows)
-            first.append(first[-1] + len(rows))
-        straight = [piece for piece in pieces if piece[KIND] == 0.0]
-        ends = np.array([point for piece in straight for point in point_on(piece, np.array([0.0, 1.0]))]).reshape(-1, 2)
-        new = [k for k, point in enumerate(ends) if not (np.abs(ends[:k] - point).max(axis=1) < 1e-9).any()]
-        places, x, y, t_x, t_y = np.ascontiguousarray(np.vstack(samples).T)
+    def of_mates(cls, mates: Sequence[Mate]) -> Self:
+        """Returns the bodies of mates, without a law of their contact."""
+        curves = [
+            *(mate.peg for mate in mates),
+            *(mate.hole.offset(mate.chamfer) for mate in mates),
+            *(mate.hole for mate in mates),
+        ]
+        touched = [
+            *(surface_pieces(mate.hole, inside=True) for mate in mates),
+            *(surface_pieces(mate.peg, inside=False) for mate in mates),
+        ]
+        outlines = [*map(curve_pieces, curves), *touched]
+        samples = [samples_of(piece, len(outline)) for outline in outlines[: len(curves)] for piece in outline]
+        ends = [ends_of(outline) for outline in outlines[: len(curves)]]
+        inside = np.reshape([section.inner_radius for section in curves], (3, -1))
+        sizes = [(mate.peg.outer_radius, mate.hole.inner_radius - mate.peg.inner_radius, mate.depth) for mate in mates]
+        pieces = np.concatenate(outlines)
         return cls(
-            pieces=pieces,
-            mates=np.array([0, len(pieces)]),
-            places=places,
-            x=x,
-            y=y,
-            t_x=t_x,
-            t_y=t_y,
-            first=np.array(first, dtype=np.int64),
-            boxes=boxes_of(pieces),
-            ends=np.hstack([ends[new], ends[new]]),
-            mate_ends=np.array([0, len(new)]),
-            inner=np.array([section.inner_radius]),
+            mates=np.array(
+                [
+                    [*mate.tip, *mate.mouth, *size, *radii]
+                    for mate, size, radii in zip(mates, sizes, inside.T, strict=True)
+                ]
+            ),
+            pieces=np.hstack([pieces, boxes_of(pieces)]),
+            samples=np.ascontiguousarray(np.vstack(samples).T),
+            ends=np.concatenate([np.hstack([points, points]) for points in ends]),
+            outlines=_starts(outlines),
+            first=_starts(samples),
+            corners=_starts(ends),
+            most=max(map(len, samples)),
+            chamfer=mates[0].chamfer,
+            law=ContactLaw(0.0, 0.0, 0.0),
         )
 
+    def with_friction(self, friction: float) -> Self:
+        """Returns the same bodies with another coefficient of friction."""
+        return self._replace(law=self.law._replace(friction=friction))
 
-def _starts(parts: Sequence[Array]) -> Numbers:
-    """Returns the number of the first row of each part, (k + 1,), when all are joined, and the number of all rows."""
-    return np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int64)
+
+def samples_of(piece: Array, pieces: int) -> Array:
+    """Returns the samples (n, 5) of a piece, see `Bodies`, of an outline with so many pieces."""
+    arcs = max(MIN_INTERVALS, math.ceil(SAMPLES * abs(piece[SPAN]) / (2.0 * math.pi) - 1e-9))
+    count = arcs if piece[KIND] != 0.0 else 1  # along a segment a gap is convex, so that its ends suffice
+    low = min(piece[START], piece[START] + piece[SPAN]) if piece[KIND] != 0.0 else 0.0
+    spacing = (abs(piece[SPAN]) if piece[KIND] != 0.0 else piece[SIZE]) / count
+    place = low + spacing * np.arange(count + 1)
+    if piece[KIND] == 0.0:
+        one = np.ones(count + 1)
+        x, y = piece[X] + place * piece[C], piece[Y] + place * piece[S]
+        return np.column_stack([place, x, y, piece[C] * one, piece[S] * one])
+    cosine, sine = piece[SIZE] * np.cos(place), piece[SIZE] * np.sin(place)
+    rows = np.column_stack([place, piece[X] + cosine, piece[Y] + sine, -sine, cosine])
+    if pieces == 1:
+        rows[-1, 1:] = rows[0, 1:]
+    return rows
+
+
+def ends_of(outline: Array) -> Array:
+    """Returns the points (n, 2) at which the segments of an outline end, each once, m."""
+    straight = [piece for piece in outline if piece[KIND] == 0.0]
+    ends = np.array([point for piece in straight for point in point_on(piece, np.array([0.0, 1.0]))]).reshape(-1, 2)
+    return ends[[k for k, point in enumerate(ends) if not (np.abs(ends[:k] - point).max(axis=1) < 1e-9).any()]]
 
 
 def boxes_of(pieces: Array) -> Array:
@@ -189,80 +233,6 @@ def boxes_of(pieces: Array) -> Array:
     return np.array([[*p.min(axis=0), *p.max(axis=0)] for p in points])
 
 
-class Bodies(NamedTuple):
-    """Outlines of peg and hole (m) of each mate (`models.assembly`), and the law of their contact.
-
-    Attributes:
-        tips: (k, 3), centre of each mate's tip in P.
-        mouths: (k, 3), centre of its mouth in H.
-        rim: of the tips.
-        outer: outer edges of the chamfers.
-        inner: inner edges of the chamfers.
-        walls: (n, 8), pieces of the holes that the peg can touch.
-        sides: (m, 8), pieces of the peg that the holes can touch.
-        mate_walls: (k + 1,), number of the first of the walls of each mate, and n.
-        mate_sides: (k + 1,), likewise.
-        wall_boxes: (n, 4), as those of `Curve`.
-        side_boxes: (m, 4), likewise.
-        r: (k,), outer radius of the peg.
-        clearance: (k,), distance of the outlines of peg and hole.
-        depth: (k,), of the floor below the mouth.
-        chamfer: width and height of the chamfer.
-        friction: coefficient mu.
-        stiffness: k of a contact, N/m.
-        dissipation: d, s/m.
-    """
-
-    tips: Array
-    mouths: Array
-    rim: Curve
-    outer: Curve
-    inner: Curve
-    walls: Array
-    sides: Array
-    mate_walls: Numbers
-    mate_sides: Numbers
-    wall_boxes: Array
-    side_boxes: Array
-    r: Array
-    clearance: Array
-    depth: Array
-    chamfer: float
-    friction: float
-    stiffness: float
-    dissipation: float
-
-    @classmethod
-    def of(cls, scenario: Any) -> Self:
-        """Returns the bodies of a `models.scenario.Scenario`."""
-        contact = scenario.contact
-        return cls.of_mates(scenario.geometry.assembly.mates)._replace(
-            friction=contact.friction, stiffness=contact.stiffness, dissipation=contact.dissipation
-        )
-
-    @classmethod
-    def of_mates(cls, mates: Sequence[Mate]) -> Self:
-        """Returns the bodies of mates, without a law of their contact."""
-        holes, pegs = [mate.hole for mate in mates], [mate.peg for mate in mates]
-        walls = [surface_pieces(hole, inside=True) for hole in holes]
-        sides = [surface_pieces(peg, inside=False) for peg in pegs]
-        return cls(
-            tips=np.array([mate.tip for mate in mates]),
-            mouths=np.array([mate.mouth for mate in mates]),
-            rim=Curve.of(pegs),
-            outer=Curve.of([mate.hole.offset(mate.chamfer) for mate in mates]),
-            inner=Curve.of(holes),
-            walls=np.concatenate(walls),
-            sides=np.concatenate(sides),
-            mate_walls=_starts(walls),
-            mate_sides=_starts(sides),
-            wall_boxes=boxes_of(np.concatenate(walls)),
-            side_boxes=boxes_of(np.concatenate(sides)),
-            r=np.array([peg.outer_radius for peg in pegs]),
-            clearance=np.array([hole.inner_radius - peg.inner_radius for hole, peg in zip(holes, pegs, strict=True)]),
-            depth=np.array([mate.depth for mate in mates]),
-            chamfer=mates[0].chamfer,
-            friction=0.0,
-            stiffness=0.0,
-            dissipation=0.0,
-        )
+def _starts(parts: Sequence[Array]) -> Numbers:
+    """Returns the number of the first row of each part, (k + 1,), when all are joined, and the number of all rows."""
+    return np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int64)

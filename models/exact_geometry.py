@@ -26,7 +26,26 @@ from scipy.spatial.transform import Rotation
 
 from compiled import compiled
 from models import Array
-from models.contact_bodies import BEYOND, FACE, FLOOR, INNER, OUTER, WALL, Bodies, Numbers
+from models.contact_bodies import (
+    BEYOND,
+    BOX,
+    CLEARANCE,
+    DEPTH,
+    FACE,
+    FLOOR,
+    INNER,
+    INNER_PIECES,
+    INSIDE,
+    OUTER,
+    OUTER_PIECES,
+    RADIUS,
+    RIM_PIECES,
+    SIDES,
+    WALL,
+    WALLS,
+    Bodies,
+    Numbers,
+)
 from models.section import KIND, SIZE, SPAN, START, C, S, X, Y
 
 FAR = 1e3
@@ -62,8 +81,21 @@ GAP, POINT, NORMAL, SURFACE, OUT, BESIDE, COLUMNS = 0, slice(1, 4), slice(4, 7),
 on the rim and in H on an edge, or zero at the end of a segment; 1 where an edge touches the side of the peg, and not
 its tip; and their number."""
 
+CONTACTS = 2 * MAX_CONTACTS, COLUMNS
+"""Shape of the array that receives contacts; the second half is for the search."""
+
+Pose = tuple[float, float, float, float, float, float, float, float, float]
+"""The centre of the tip in H, m, and two unit vectors across the peg; their product is the axis, away from the tip."""
+
 FREE, ON_FACE, ON_CHAMFER, AT_MOUTH, AT_TIP, TWO_POINT, LINE, SEATED = range(8)
 """Numbers of the members of `ContactLabel`."""
+
+
+@compiled
+def row_of(pieces: Array, k: int) -> tuple[float, float, float, float, float, float, float, float]:
+    """Returns a piece as a tuple, whose values a loop need not read again."""
+    p = pieces[k]
+    return p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]
 
 
 @register_jitable(inline="always")
@@ -100,14 +132,15 @@ def is_beside(piece: Array, x: Any, y: Any) -> Any:
 
 
 @register_jitable
-def is_nearest(pieces: Array, k: int, x: Any, y: Any) -> Any:
-    """Returns whether piece ``k`` of an outline is as near to points as any, or almost; see `planar_gap`.
+def is_nearest(pieces: Array, begin: int, end: int, k: int, x: Any, y: Any) -> Any:
+    """Returns whether piece ``k`` of the outline of the pieces from ``begin`` is as near to points as any, or almost.
 
-    A point in a sharp corner is near to both of its sides.
+    A point in a sharp corner is near to both of its sides. See `planar_gap`.
     """
     own = least = FAR + 0.0 * x
-    for i in range(len(pieces)):
-        away = np.abs(planar_gap(pieces[i], x, y)[0]) + FAR * (1 - is_beside(pieces[i], x, y))
+    for i in range(begin, end):
+        piece = row_of(pieces, i)
+        away = np.abs(planar_gap(piece, x, y)[0]) + FAR * (1 - is_beside(piece, x, y))
         least = np.minimum(least, away)
         if i == k:
             own = away
@@ -213,22 +246,13 @@ def edge_gap(
 
 
 @compiled
-def row_of(pieces: Array, k: int) -> tuple[float, float, float, float, float, float, float, float]:
-    """Returns a piece as a tuple, whose values a loop need not read again."""
-    p = pieces[k]
-    return p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]
-
-
-@compiled
 def height_of(chamfer: float, circle: int) -> float:
     """Returns the height of an edge of the hole, m."""
     return 0.0 if circle == OUTER else -chamfer
 
 
 @compiled
-def on_curve(
-    chamfer: float, circle: int, piece: Any, surface: Any, place: float, p: Array, u: Array, v: Array
-) -> tuple[Any, ...]:
+def on_curve(chamfer: float, circle: int, piece: Any, surface: Any, place: float, pose: Pose) -> tuple[Any, ...]:
     """Returns a gap on a piece of a curve to a piece of the other body.
 
     Returns:
@@ -236,6 +260,7 @@ def on_curve(
         Then the outward normal of the curve (2), whether an edge is beside the peg, and the coordinates of the point in
         the plane of the other outline.
     """
+    p_x, p_y, p_z, u_x, u_y, u_z, v_x, v_y, v_z = pose
     if piece[KIND] == 0.0:
         c, s, r = piece[S], -piece[C], 0.0
         x_c, y_c, t_x, t_y = piece[X] + place * piece[C], piece[Y] + place * piece[S], piece[C], piece[S]
@@ -243,21 +268,21 @@ def on_curve(
         c, s, r = math.cos(place), math.sin(place), piece[SIZE]
         x_c, y_c, t_x, t_y = piece[X], piece[Y], -s, c
     if circle == RIM:
-        x = p[0] + r * (c * u[0] + s * v[0]) + (x_c * u[0] + y_c * v[0])
-        y = p[1] + r * (c * u[1] + s * v[1]) + (x_c * u[1] + y_c * v[1])
-        z = p[2] + r * (c * u[2] + s * v[2]) + (x_c * u[2] + y_c * v[2])
+        x = p_x + r * (c * u_x + s * v_x) + (x_c * u_x + y_c * v_x)
+        y = p_y + r * (c * u_y + s * v_y) + (x_c * u_y + y_c * v_y)
+        z = p_z + r * (c * u_z + s * v_z) + (x_c * u_z + y_c * v_z)
         outside, r_x, r_y, size = planar_gap(surface, x, y)
         gap, n_x, n_y, n_z, kind = rim_gap(chamfer, outside, r_x, r_y, size, z)
-        along_u, along_v = n_x * u[0] + n_y * u[1] + n_z * u[2], n_x * v[0] + n_y * v[1] + n_z * v[2]
+        along_u, along_v = n_x * u_x + n_y * u_y + n_z * u_z, n_x * v_x + n_y * v_y + n_z * v_z
         slope = t_y * along_v + t_x * along_u
         at_x, at_y, beside = x, y, False
         x, y, z = x - gap * n_x, y - gap * n_y, z - gap * n_z
     else:
         x, y, z = x_c + r * c, y_c + r * s, height_of(chamfer, circle)
-        d_x, d_y, d_z = x - p[0], y - p[1], z - p[2]
-        gap, n_x, n_y, n_z, beside = edge_gap(surface, d_x, d_y, d_z, u[0], u[1], u[2], v[0], v[1], v[2])
+        d_x, d_y, d_z = x - p_x, y - p_y, z - p_z
+        gap, n_x, n_y, n_z, beside = edge_gap(surface, d_x, d_y, d_z, u_x, u_y, u_z, v_x, v_y, v_z)
         slope = -t_x * n_x - t_y * n_y
-        at_x, at_y = d_x * u[0] + d_y * u[1] + d_z * u[2], d_x * v[0] + d_y * v[1] + d_z * v[2]
+        at_x, at_y = d_x * u_x + d_y * u_y + d_z * u_z, d_x * v_x + d_y * v_y + d_z * v_z
         kind = circle
     if r > 0.0:
         slope *= r
@@ -267,34 +292,24 @@ def on_curve(
 
 @compiled
 def sample_gaps(
-    chamfer: float,
-    circle: int,
-    other: Any,
-    x: Array,
-    y: Array,
-    t_x: Array,
-    t_y: Array,
-    p: Array,
-    u: Array,
-    v: Array,
-    gaps: Array,
-    slopes: Array,
+    chamfer: float, circle: int, other: Any, samples: Array, begin: int, end: int, pose: Pose, found: Array
 ) -> None:
-    """Computes the gaps of some samples of a curve to a piece of the other body, and their slopes over the place."""
-    p_x, p_y, p_z = p[0], p[1], p[2]
-    u_x, u_y, u_z, v_x, v_y, v_z = u[0], u[1], u[2], v[0], v[1], v[2]
+    """Computes the gaps of samples of a curve to a piece of the other body, and their slopes over the place: (2, n)."""
+    p_x, p_y, p_z, u_x, u_y, u_z, v_x, v_y, v_z = pose
     if circle == RIM:
-        for k in range(len(x)):
-            q_x, q_y, q_z = p_x + x[k] * u_x + y[k] * v_x, p_y + x[k] * u_y + y[k] * v_y, p_z + x[k] * u_z + y[k] * v_z
+        for k in range(end - begin):
+            x, y, t_x, t_y = samples[1, begin + k], samples[2, begin + k], samples[3, begin + k], samples[4, begin + k]
+            q_x, q_y, q_z = p_x + x * u_x + y * v_x, p_y + x * u_y + y * v_y, p_z + x * u_z + y * v_z
             outside, r_x, r_y, size = planar_gap(other, q_x, q_y)
             gap, n_x, n_y, n_z, _ = rim_gap(chamfer, outside, r_x, r_y, size, q_z)
-            gaps[k] = gap
-            slopes[k] = t_y[k] * (n_x * v_x + n_y * v_y + n_z * v_z) + t_x[k] * (n_x * u_x + n_y * u_y + n_z * u_z)
+            found[0, k] = gap
+            found[1, k] = t_y * (n_x * v_x + n_y * v_y + n_z * v_z) + t_x * (n_x * u_x + n_y * u_y + n_z * u_z)
     else:
         d_z = height_of(chamfer, circle) - p_z
-        for k in range(len(x)):
-            gap, n_x, n_y, _, _ = edge_gap(other, x[k] - p_x, y[k] - p_y, d_z, u_x, u_y, u_z, v_x, v_y, v_z)
-            gaps[k], slopes[k] = gap, -t_x[k] * n_x - t_y[k] * n_y
+        for k in range(end - begin):
+            x, y, t_x, t_y = samples[1, begin + k], samples[2, begin + k], samples[3, begin + k], samples[4, begin + k]
+            gap, n_x, n_y, _, _ = edge_gap(other, x - p_x, y - p_y, d_z, u_x, u_y, u_z, v_x, v_y, v_z)
+            found[0, k], found[1, k] = gap, -t_x * n_x - t_y * n_y
 
 
 @compiled
@@ -309,9 +324,7 @@ def lowest_place(
     g_high: float,
     falling: float,
     rising: float,
-    p: Array,
-    u: Array,
-    v: Array,
+    pose: Pose,
 ) -> float:
     """Returns where the gap has a minimum between two places.
 
@@ -329,9 +342,7 @@ def lowest_place(
         g_high: gap at the second place, m.
         falling: slope at the first place, at most 0.
         rising: slope at the second place, above 0.
-        p: see `find_contacts`.
-        u: likewise.
-        v: likewise.
+        pose: `Pose`.
     """
     place = low
     for k in range(MAX_SEARCH):
@@ -340,7 +351,7 @@ def lowest_place(
         if k % 3 > 0:
             share = meet if k % 3 == 1 and 0.0 < meet < 1.0 else 0.5
         place = low + share * width
-        g, slope = on_curve(chamfer, circle, piece, surface, place, p, u, v)[:2]
+        g, slope = on_curve(chamfer, circle, piece, surface, place, pose)[:2]
         if abs(slope) < FLAT or (width < NARROW and 0.0 < meet < 1.0 and g - g_low - falling * meet * width < SHALLOW):
             break
         if slope > 0.0:
@@ -351,195 +362,197 @@ def lowest_place(
 
 
 @compiled
-def find_minima(bodies: Bodies, mate: int, p: Array, u: Array, v: Array, reach: float, found: Array) -> int:
+def find_minima(bodies: Bodies, mate: int, pose: Pose, reach: float, found: Array) -> int:
     """Finds the minima of the gap that are below ``reach``, on the rim and on both edges, and the points on the floor.
 
     Args:
-        bodies: see `find_contacts`.
+        bodies: `Bodies`.
         mate: number of the mate.
-        p: see `find_contacts`.
-        u: see `find_contacts`.
-        v: likewise.
+        pose: `Pose`.
         reach: m.
         found: (MAX_CONTACTS, COLUMNS), receives the minima, their points from the centre of the mate's mouth.
 
     Returns:
         The number of minima.
     """
-    p, count = tip_in_mouth(bodies, mate, p, u, v), 0
-    r = bodies.r[mate]
-    lowest = p[2] - r * math.hypot(u[2], v[2])
+    pose, count = tip_in_mouth(bodies.mates, mate, pose), 0
+    p_x, p_y, p_z, u_x, u_y, u_z, v_x, v_y, v_z = pose
+    r = bodies.mates[mate, RADIUS]
+    lowest = p_z - r * math.hypot(u_z, v_z)
     if lowest > reach:
         return count
-    chamfer, a_z = bodies.chamfer, u[0] * v[1] - u[1] * v[0]
+    chamfer, a_z, mates = bodies.chamfer, u_x * v_y - u_y * v_x, len(bodies.mates)
+    pieces, outlines, samples = bodies.pieces, bodies.outlines, np.empty((2, bodies.most))
     # By as much as the peg is off the axis, tilted and turned, it can touch a piece beside its own.
-    turn = abs(u[1]) + abs(v[0]) + abs(u[2]) + abs(v[2]) + (1.0 - u[0]) + (1.0 - v[1])
-    near = math.hypot(p[0], p[1]) + abs(p[2]) * (abs(u[2]) + abs(v[2])) + r * turn + chamfer + 5.0 * reach
+    turn = abs(u_y) + abs(v_x) + abs(u_z) + abs(v_z) + (1.0 - u_x) + (1.0 - v_y)
+    near = math.hypot(p_x, p_y) + abs(p_z) * (abs(u_z) + abs(v_z)) + r * turn + chamfer + 5.0 * reach
     # By as much the outline of a tilted and turned peg, cut by a plane across the hole, can be outside of itself.
-    swept = r * (abs(u[1]) + abs(v[0]) + (1.0 - u[0]) + (1.0 - v[1]) + (1.0 / a_z - 1.0))
+    swept = r * (abs(u_y) + abs(v_x) + (1.0 - u_x) + (1.0 - v_y) + (1.0 / a_z - 1.0))
     for circle in (RIM, OUTER, INNER):
-        curve = bodies.rim if circle == RIM else bodies.outer if circle == OUTER else bodies.inner
-        starts = bodies.mate_walls if circle == RIM else bodies.mate_sides
-        others = (bodies.walls if circle == RIM else bodies.sides)[starts[mate] : starts[mate + 1]]
-        boxes = (bodies.wall_boxes if circle == RIM else bodies.side_boxes)[starts[mate] : starts[mate + 1]]
+        outline = RIM_PIECES if circle == RIM else OUTER_PIECES if circle == OUTER else INNER_PIECES
+        touched = (WALLS if circle == RIM else SIDES) * mates + mate
+        begin, end = outlines[touched], outlines[touched + 1]
         first = count
         # No gap on the curve is below a bound that takes no samples.
         if circle == RIM:
-            if bodies.inner.inner[mate] - math.hypot(p[0], p[1]) - r > reach:
+            if bodies.mates[mate, INSIDE + INNER_PIECES] - math.hypot(p_x, p_y) - r > reach:
                 continue
         else:
-            a_x, a_y = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2]
+            a_x, a_y = u_y * v_z - u_z * v_y, u_z * v_x - u_x * v_z
             height = height_of(chamfer, circle)
-            up = (height - p[2]) / a_z
-            off = math.hypot(p[0] + up * a_x, p[1] + up * a_y)
-            apart_by = bodies.clearance[mate] + (chamfer if circle == OUTER else 0.0)
-            if max(lowest - height, a_z * (curve.inner[mate] - off) - r, a_z * (apart_by - off) - swept) > reach:
+            up = (height - p_z) / a_z
+            off = math.hypot(p_x + up * a_x, p_y + up * a_y)
+            apart_by = bodies.mates[mate, CLEARANCE] + (chamfer if circle == OUTER else 0.0)
+            inside = bodies.mates[mate, INSIDE + outline]
+            if max(lowest - height, a_z * (inside - off) - r, a_z * (apart_by - off) - swept) > reach:
                 continue
-        for j in range(curve.mates[mate], curve.mates[mate + 1]):
-            piece = row_of(curve.pieces, j)
-            begin, end = curve.first[j], curve.first[j + 1]
-            places, x, y = curve.places[begin:end], curve.x[begin:end], curve.y[begin:end]
-            t_x, t_y = curve.t_x[begin:end], curve.t_y[begin:end]
-            for k in range(len(others)):
-                if apart(curve.boxes[j], boxes[k]) <= near:
-                    count = add_minima(
-                        chamfer, circle, piece, places, x, y, t_x, t_y, others, k, p, u, v, reach, found, first, count
-                    )
-        for j in range(curve.mate_ends[mate], curve.mate_ends[mate + 1]):
-            end_x, end_y = curve.ends[j, 0], curve.ends[j, 1]
-            for k in range(len(others)):
-                if apart(curve.ends[j], boxes[k]) <= near:
-                    count = add_end(chamfer, circle, end_x, end_y, others, k, p, u, v, reach, found, first, count)
-    depth, rim = bodies.depth[mate], bodies.rim
+        curve = outline * mates + mate
+        for j in range(outlines[curve], outlines[curve + 1]):
+            for k in range(begin, end):
+                if apart(pieces, j, BOX, pieces, k) <= near:
+                    count = add_minima(bodies, circle, j, begin, end, k, pose, reach, samples, found, first, count)
+        for j in range(bodies.corners[curve], bodies.corners[curve + 1]):
+            for k in range(begin, end):
+                if apart(bodies.ends, j, 0, pieces, k) <= near:
+                    count = add_end(bodies, circle, j, begin, end, k, pose, reach, found, first, count)
+    depth = bodies.mates[mate, DEPTH]
     if lowest + depth < reach:
-        count = add_floor_points(rim.pieces[rim.mates[mate] : rim.mates[mate + 1]], depth, p, u, v, reach, found, count)
+        curve = RIM_PIECES * mates + mate
+        count = add_floor_points(pieces, outlines[curve], outlines[curve + 1], depth, pose, reach, found, count)
     return count
 
 
 @compiled
-def apart(box: Array, other: Array) -> float:
-    """Returns by how much two boxes are apart in one direction, m; negative if they overlap."""
-    across, along = max(box[0] - other[2], other[0] - box[2]), max(box[1] - other[3], other[1] - box[3])
+def apart(boxes: Array, i: int, column: int, pieces: Array, k: int) -> float:
+    """Returns by how much the box in row ``i`` and that of piece ``k`` are apart in one direction, m, or overlap."""
+    across = max(boxes[i, column] - pieces[k, BOX + 2], pieces[k, BOX] - boxes[i, column + 2])
+    along = max(boxes[i, column + 1] - pieces[k, BOX + 3], pieces[k, BOX + 1] - boxes[i, column + 3])
     return float(max(across, along))
 
 
 @compiled
 def add_minima(
-    chamfer: float,
+    bodies: Bodies,
     circle: int,
-    piece: Any,
-    places: Array,
-    x: Array,
-    y: Array,
-    t_x: Array,
-    t_y: Array,
-    others: Array,
+    j: int,
+    begin: int,
+    end: int,
     o: int,
-    p: Array,
-    u: Array,
-    v: Array,
+    pose: Pose,
     reach: float,
+    samples: Array,
     found: Array,
     first: int,
     count: int,
 ) -> int:
-    """Adds the minima of a piece of a curve and piece ``o`` of the other body, see `find_minima`; returns the count."""
-    other, n = row_of(others, o), len(x)
-    gaps, slopes = np.empty(n), np.empty(n)
-    sample_gaps(chamfer, circle, other, x, y, t_x, t_y, p, u, v, gaps, slopes)
-    for k in range(n - 1):
-        falling, rising = slopes[k], slopes[k + 1]
+    """Adds the minima of piece ``j`` of a curve and piece ``o`` of the other body; returns the count.
+
+    The outline of the other body has the pieces from ``begin`` to ``end``; ``samples`` (2, n) is filled. See
+    `find_minima`.
+    """
+    piece, other, chamfer = row_of(bodies.pieces, j), row_of(bodies.pieces, o), bodies.chamfer
+    start, stop = bodies.first[j], bodies.first[j + 1]
+    sample_gaps(chamfer, circle, other, bodies.samples, start, stop, pose, samples)
+    for k in range(stop - start - 1):
+        falling, rising = samples[1, k], samples[1, k + 1]
         if falling > 0.0 or rising <= 0.0:
             continue
+        g_low, g_high = samples[0, k], samples[0, k + 1]
+        low, high = bodies.samples[0, start + k], bodies.samples[0, start + k + 1]
         if piece[KIND] == 0.0:  # along a line a gap is convex, and above its tangents
-            meet = (gaps[k + 1] - gaps[k] - rising * (places[k + 1] - places[k])) / (falling - rising)
-            if gaps[k] + falling * meet > reach:
+            meet = (g_high - g_low - rising * (high - low)) / (falling - rising)
+            if g_low + falling * meet > reach:
                 continue
-        elif min(gaps[k], gaps[k + 1]) > reach + DIP:
+        elif min(g_low, g_high) > reach + DIP:
             continue
-        t = lowest_place(
-            chamfer, circle, piece, other, places[k], places[k + 1], gaps[k], gaps[k + 1], falling, rising, p, u, v
-        )
-        count = add_contact(on_curve(chamfer, circle, piece, other, t, p, u, v), others, o, reach, found, first, count)
+        t = lowest_place(chamfer, circle, piece, other, low, high, g_low, g_high, falling, rising, pose)
+        contact = on_curve(chamfer, circle, piece, other, t, pose)
+        count = add_contact(contact, bodies.pieces, begin, end, o, reach, found, first, count)
     return count
 
 
 @compiled
 def add_end(
-    chamfer: float,
+    bodies: Bodies,
     circle: int,
-    x: float,
-    y: float,
-    others: Array,
+    j: int,
+    begin: int,
+    end: int,
     o: int,
-    p: Array,
-    u: Array,
-    v: Array,
+    pose: Pose,
     reach: float,
     found: Array,
     first: int,
     count: int,
 ) -> int:
-    """Adds the end of a segment of a curve, if it is near piece ``o`` of the other body; returns the count."""
-    still = (0.0, x, y, 1.0, 0.0, 0.0, 0.0, 0.0)  # a segment without a length
-    contact = on_curve(chamfer, circle, still, row_of(others, o), 0.0, p, u, v)
+    """Adds end ``j`` of the segments of a curve, if it is near piece ``o`` of the other body; see `add_minima`."""
+    # a segment without a length
+    still = (0.0, bodies.ends[j, 0], bodies.ends[j, 1], 1.0, 0.0, 0.0, 0.0, 0.0)
+    contact = on_curve(bodies.chamfer, circle, still, row_of(bodies.pieces, o), 0.0, pose)
     gap, slope, x, y, z, n_x, n_y, n_z, kind, _, _, beside, at_x, at_y = contact
-    end = (gap, slope, x, y, z, n_x, n_y, n_z, kind, 0.0, 0.0, beside, at_x, at_y)
-    return add_contact(end, others, o, reach, found, first, count)
+    at_end = (gap, slope, x, y, z, n_x, n_y, n_z, kind, 0.0, 0.0, beside, at_x, at_y)
+    return add_contact(at_end, bodies.pieces, begin, end, o, reach, found, first, count)
 
 
 @compiled
-def add_contact(contact: Any, others: Array, o: int, reach: float, found: Array, first: int, count: int) -> int:
-    """Adds a contact of `on_curve` if it is near, and piece ``o`` the nearest one; returns the count.
+def add_contact(
+    contact: Any, pieces: Array, begin: int, end: int, o: int, reach: float, found: Array, first: int, count: int
+) -> int:
+    """Adds a contact of `on_curve` if it is near, and piece ``o`` the nearest one of its outline; returns the count.
 
     Of two contacts at one place on a curve, such as the end of a segment and the arc beside it, the deeper one stays.
     Those of this curve begin at ``first``.
     """
     gap, _, x, y, z, n_x, n_y, n_z, kind, c, s, beside, at_x, at_y = contact
-    if not (gap < reach and is_nearest(others, o, at_x, at_y)):
+    if not (gap < reach and is_nearest(pieces, begin, end, o, at_x, at_y)):
         return count
     place = count
     for i in range(first, count):
-        row = found[i]
-        away = (row[1] - x) ** 2 + (row[2] - y) ** 2 + (row[3] - z) ** 2
-        if away < SAME_PLACE**2 and row[4] * n_x + row[5] * n_y + row[6] * n_z > SAME_NORMAL:
+        away = (found[i, 1] - x) ** 2 + (found[i, 2] - y) ** 2 + (found[i, 3] - z) ** 2
+        if away < SAME_PLACE**2 and found[i, 4] * n_x + found[i, 5] * n_y + found[i, 6] * n_z > SAME_NORMAL:
             place = i
             break
     if place == MAX_CONTACTS - 3 or (place < count and found[place, GAP] <= gap):
         return count
-    row = found[place]
-    row[0], row[1], row[2], row[3] = gap, x, y, z
-    row[4], row[5], row[6], row[7], row[8], row[9], row[10] = n_x, n_y, n_z, kind, c, s, beside
+    set_row(found, place, (gap, x, y, z, n_x, n_y, n_z, kind, c, s, beside))
     return max(count, place + 1)
 
 
 @compiled
+def set_row(found: Array, i: int, values: Any) -> None:
+    """Sets a contact."""
+    found[i, 0], found[i, 1], found[i, 2], found[i, 3] = values[0], values[1], values[2], values[3]
+    found[i, 4], found[i, 5], found[i, 6] = values[4], values[5], values[6]
+    found[i, 7], found[i, 8], found[i, 9], found[i, 10] = values[7], values[8], values[9], values[10]
+
+
+@compiled
 def add_floor_points(
-    rim: Array, depth: float, p: Array, u: Array, v: Array, reach: float, found: Array, count: int
+    pieces: Array, begin: int, end: int, depth: float, pose: Pose, reach: float, found: Array, count: int
 ) -> int:
     """Adds the points of the tip that are on the floor: the furthest downhill, and at 120 degrees to both sides."""
-    first = math.atan2(-v[2], -u[2])
+    p_x, p_y, p_z, u_x, u_y, u_z, v_x, v_y, v_z = pose
+    first = math.atan2(-v_z, -u_z)
     for k in range(3):
         t = first + 2.0 * np.pi * k / 3.0
         c, s = math.cos(t), math.sin(t)
-        x, y, r = furthest(rim, c, s)
-        row = found[count]
-        row[:] = 0.0
-        for i in range(3):
-            row[1 + i] = p[i] + r * (c * u[i] + s * v[i]) + (x * u[i] + y * v[i])
-        gap = row[3] + depth
+        x, y, r = furthest(pieces, begin, end, c, s)
+        at_z = p_z + r * (c * u_z + s * v_z) + (x * u_z + y * v_z)
+        gap = at_z + depth
         if gap < reach:
-            row[0], row[3], row[6], row[7], row[8], row[9] = gap, -depth, 1.0, FLOOR, c, s
+            at_x = p_x + r * (c * u_x + s * v_x) + (x * u_x + y * v_x)
+            at_y = p_y + r * (c * u_y + s * v_y) + (x * u_y + y * v_y)
+            set_row(found, count, (gap, at_x, at_y, -depth, 0.0, 0.0, 1.0, FLOOR, c, s, 0.0))
             count += 1
     return count
 
 
 @compiled
-def furthest(pieces: Array, c: float, s: float) -> tuple[float, float, float]:
+def furthest(pieces: Array, begin: int, end: int, c: float, s: float) -> tuple[float, float, float]:
     """Returns the point of an outline that is furthest in a direction (c, s): a point, and how far beyond it it is."""
     best, found_x, found_y, found_r = -np.inf, 0.0, 0.0, 0.0
-    for k in range(len(pieces)):
-        piece = pieces[k]
+    for k in range(begin, end):
+        piece = row_of(pieces, k)
         x, y, r = piece[X], piece[Y], 0.0
         if piece[KIND] != 0.0:
             r = piece[SIZE]
@@ -552,57 +565,66 @@ def furthest(pieces: Array, c: float, s: float) -> tuple[float, float, float]:
 
 
 @compiled
-def crossing(
-    circle: int, rim_out: Array, edge_out: Array, u: Array, v: Array, normal: Array
-) -> tuple[bool, float, float, float]:
+def crossing(found: Array, i: int, e: int, pose: Pose) -> tuple[bool, float, float, float]:
     """Returns whether the rim and an edge can touch where they cross, and the normal of this contact.
 
-    It is perpendicular to both, and lies between the normals of the surfaces that meet at each of them.
+    It is perpendicular to both, and lies between the normals of the surfaces that meet at each of them. Its sign is
+    that of the nearest surface.
 
     Args:
-        circle: of the edge.
-        rim_out: (2,), outward normal of the rim at its place, in P.
-        edge_out: (2,), outward normal of the edge at its place, in H.
-        u: see `find_contacts`.
-        v: likewise.
-        normal: (3,), that of the nearest surface, for the sign.
+        found: contacts.
+        i: number of that on the rim.
+        e: number of that on the edge.
+        pose: `Pose`.
     """
-    c, s, c_e, s_e = rim_out[0], rim_out[1], edge_out[0], edge_out[1]
-    t_x, t_y, t_z = c * v[0] - s * u[0], c * v[1] - s * u[1], c * v[2] - s * u[2]  # along the rim
+    _, _, _, u_x, u_y, u_z, v_x, v_y, v_z = pose
+    c, s, c_e, s_e = found[i, 8], found[i, 9], found[e, 8], found[e, 9]
+    t_x, t_y, t_z = c * v_x - s * u_x, c * v_y - s * u_y, c * v_z - s * u_z  # along the rim
     x, y, z = -t_z * c_e, -t_z * s_e, t_x * c_e + t_y * s_e  # the edge is along (-s_e, c_e, 0)
-    size = math.copysign(max(TINY, math.sqrt(x * x + y * y + z * z)), x * normal[0] + y * normal[1] + z * normal[2])
+    size = math.copysign(
+        max(TINY, math.sqrt(x * x + y * y + z * z)), x * found[i, 4] + y * found[i, 5] + z * found[i, 6]
+    )
     x, y, z = x / size, y / size, z / size
     inwards = -(x * c_e + y * s_e)
-    outwards = x * (c * u[0] + s * v[0]) + y * (c * u[1] + s * v[1]) + z * (c * u[2] + s * v[2])
-    along = x * (u[1] * v[2] - u[2] * v[1]) + y * (u[2] * v[0] - u[0] * v[2]) + z * (u[0] * v[1] - u[1] * v[0])
-    within = min(inwards, z - inwards) if circle == OUTER else min(z, inwards - z)
+    outwards = x * (c * u_x + s * v_x) + y * (c * u_y + s * v_y) + z * (c * u_z + s * v_z)
+    along = x * (u_y * v_z - u_z * v_y) + y * (u_z * v_x - u_x * v_z) + z * (u_x * v_y - u_y * v_x)
+    within = min(inwards, z - inwards) if found[e, SURFACE] == OUTER else min(z, inwards - z)
     return min(within, along, -outwards) > -1e-9, x, y, z
 
 
 @compiled
-def tip_in_mouth(bodies: Bodies, mate: int, p: Array, u: Array, v: Array) -> Array:
-    """Returns the centre of a mate's tip from the centre of its mouth, in H, (3,), m; see `find_contacts`."""
-    tip, mouth, found = bodies.tips[mate], bodies.mouths[mate], np.empty(3)
-    axis = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
-    for i in range(3):
-        found[i] = p[i] + (tip[0] * u[i] + tip[1] * v[i] + tip[2] * axis[i]) - mouth[i]
-    return found
+def tip_in_mouth(mates: Array, mate: int, pose: Pose) -> Pose:
+    """Returns the pose of a mate's tip from the centre of its mouth."""
+    p_x, p_y, p_z, u_x, u_y, u_z, v_x, v_y, v_z = pose
+    a_x, a_y, a_z = u_y * v_z - u_z * v_y, u_z * v_x - u_x * v_z, u_x * v_y - u_y * v_x
+    t_x, t_y, t_z = mates[mate, 0], mates[mate, 1], mates[mate, 2]
+    return (
+        p_x + (t_x * u_x + t_y * v_x + t_z * a_x) - mates[mate, 3],
+        p_y + (t_x * u_y + t_y * v_y + t_z * a_y) - mates[mate, 4],
+        p_z + (t_x * u_z + t_y * v_z + t_z * a_z) - mates[mate, 5],
+        *(u_x, u_y, u_z),
+        *(v_x, v_y, v_z),
+    )
 
 
 @compiled
-def deepest_overlap(bodies: Bodies, p: Array, u: Array, v: Array) -> float:
-    """Returns the deepest overlap of a pose, m, or 0; see `find_contacts`."""
+def pose_of(p: Array, R: Array) -> Pose:
+    """Returns the pose of a tip at p (3,), m, with the rotation R_HP (3, 3)."""
+    return p[0], p[1], p[2], R[0, 0], R[1, 0], R[2, 0], R[0, 1], R[1, 1], R[2, 1]
+
+
+@compiled
+def deepest_overlap(bodies: Bodies, pose: Pose) -> float:
+    """Returns the deepest overlap of a pose, m, or 0."""
     found, deepest = np.empty((MAX_CONTACTS, COLUMNS)), 0.0
-    for mate in range(len(bodies.tips)):
-        for i in range(find_minima(bodies, mate, p, u, v, REACH, found)):
+    for mate in range(len(bodies.mates)):
+        for i in range(find_minima(bodies, mate, pose, REACH, found)):
             deepest = max(deepest, -found[i, GAP])
     return deepest
 
 
 @compiled
-def find_contacts(
-    bodies: Bodies, p: Array, u: Array, v: Array, gap: Array, point: Array, normal: Array, surface: Numbers
-) -> int:
+def find_contacts(bodies: Bodies, pose: Pose, contacts: Array) -> int:
     """Finds the contacts of a pose whose gap is below `REACH`.
 
     They are the minima of the gap on the three curves, and the ends of their straight pieces. Where the rim crosses an
@@ -612,46 +634,44 @@ def find_contacts(
 
     Args:
         bodies: `Bodies`.
-        p: (3,), centre of the tip in H, m.
-        u: (3,), unit vector across the peg in H.
-        v: (3,), another one; u x v is the axis away from the tip.
-        gap: (MAX_CONTACTS,), receives the gaps, m.
-        point: (MAX_CONTACTS, 3), receives the points on the bore in H, m.
-        normal: (MAX_CONTACTS, 3), receives the directions in H in which the bore pushes the peg.
-        surface: (MAX_CONTACTS,), receives the surfaces.
+        pose: `Pose`.
+        contacts: `CONTACTS`, receives the gaps (m), the points on the bore in H (m), the directions in H in which the
+            bore pushes the peg, and the surfaces.
 
     Returns:
         The number of contacts.
     """
-    found, out, count = np.empty((MAX_CONTACTS, COLUMNS)), np.empty((MAX_CONTACTS, 2)), 0
-    for mate in range(len(bodies.tips)):
-        mouth = bodies.mouths[mate]
+    count, minima = 0, contacts[MAX_CONTACTS:]
+    for mate in range(len(bodies.mates)):
         first = count
-        number = find_minima(bodies, mate, p, u, v, REACH, found)
-        for e in range(number):
-            row, kind, crosses = found[e], int(found[e, SURFACE]), False
-            if kind >= OUTER and (row[8] != 0.0 or row[9] != 0.0):
+        number = find_minima(bodies, mate, pose, REACH, minima)
+        for e in range(MAX_CONTACTS, MAX_CONTACTS + number):
+            crosses = False
+            if contacts[e, SURFACE] >= OUTER and (contacts[e, 8] != 0.0 or contacts[e, 9] != 0.0):
                 for i in range(first, count):
                     # No minimum on the rim, or one that crosses another edge, or the end of a segment.
-                    if surface[i] >= FLOOR or (out[i, 0] == 0.0 and out[i, 1] == 0.0):
+                    if contacts[i, SURFACE] >= FLOOR or (contacts[i, 8] == 0.0 and contacts[i, 9] == 0.0):
                         continue
-                    d_x, d_y, d_z = point[i, 0] - row[1], point[i, 1] - row[2], point[i, 2] - row[3]
+                    d_x, d_y = contacts[i, 1] - contacts[e, 1], contacts[i, 2] - contacts[e, 2]
+                    d_z = contacts[i, 3] - contacts[e, 3]
                     if d_x * d_x + d_y * d_y + d_z * d_z > CROSSING**2:
                         continue
-                    crosses, x, y, z = crossing(kind, out[i], row[OUT], u, v, normal[i])
+                    crosses, x, y, z = crossing(contacts, i, e, pose)
                     if crosses:
-                        aligned = normal[i, 0] * x + normal[i, 1] * y + normal[i, 2] * z
-                        gap[i], surface[i] = d_x * x + d_y * y + d_z * z + gap[i] * aligned, kind
-                        point[i] = row[POINT]
-                        normal[i, 0], normal[i, 1], normal[i, 2] = x, y, z
+                        aligned = contacts[i, 4] * x + contacts[i, 5] * y + contacts[i, 6] * z
+                        contacts[i, GAP] = d_x * x + d_y * y + d_z * z + contacts[i, GAP] * aligned
+                        contacts[i, SURFACE] = contacts[e, SURFACE]
+                        for k in range(3):
+                            contacts[i, 1 + k] = contacts[e, 1 + k]
+                        contacts[i, 4], contacts[i, 5], contacts[i, 6] = x, y, z
                         break
             if not crosses and count < MAX_CONTACTS:
-                gap[count], surface[count], out[count] = row[GAP], kind, row[OUT]
-                point[count], normal[count] = row[POINT], row[NORMAL]
+                for k in range(COLUMNS):
+                    contacts[count, k] = contacts[e, k]
                 count += 1
         for i in range(first, count):
-            for j in range(3):
-                point[i, j] += mouth[j]
+            for k in range(3):
+                contacts[i, 1 + k] += bodies.mates[mate, 3 + k]
     return count
 
 
@@ -666,10 +686,10 @@ def lowest_gaps(bodies: Bodies, p_HP: Array, R_HP: Array) -> Array:
     """
     found, lowest = np.empty((MAX_CONTACTS, COLUMNS)), np.full(len(p_HP), FAR)
     for k in range(len(p_HP)):
-        u, v, reach = R_HP[k, :, 0].copy(), R_HP[k, :, 1].copy(), REACH
+        pose, reach = pose_of(p_HP[k], R_HP[k]), REACH
         while lowest[k] == FAR and reach < FAR:
-            for mate in range(len(bodies.tips)):
-                for i in range(find_minima(bodies, mate, p_HP[k], u, v, reach, found)):
+            for mate in range(len(bodies.mates)):
+                for i in range(find_minima(bodies, mate, pose, reach, found)):
                     lowest[k] = min(lowest[k], found[i, GAP])
             reach *= 4.0
     return lowest
@@ -686,11 +706,11 @@ def contact_labels(bodies: Bodies, p_HP: Array, R_HP: Array, tolerance: float) -
         tolerance: largest gap that counts as contact, m, below `REACH`.
     """
     found, labels = np.empty((MAX_CONTACTS, COLUMNS)), np.empty(len(p_HP), np.int64)
-    touching = np.empty((MAX_CONTACTS * len(bodies.tips), COLUMNS))
+    touching = np.empty((MAX_CONTACTS * len(bodies.mates), COLUMNS))
     for k in range(len(p_HP)):
-        u, v, count = R_HP[k, :, 0].copy(), R_HP[k, :, 1].copy(), 0
-        for mate in range(len(bodies.tips)):
-            for i in range(find_minima(bodies, mate, p_HP[k], u, v, REACH, found)):
+        pose, count = pose_of(p_HP[k], R_HP[k]), 0
+        for mate in range(len(bodies.mates)):
+            for i in range(find_minima(bodies, mate, pose, REACH, found)):
                 if found[i, GAP] <= tolerance:
                     touching[count] = found[i]
                     count += 1

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from compiled import compiled
 from models.contact_bodies import Bodies
-from models.exact_geometry import deepest_overlap
+from models.exact_geometry import NORMAL, POINT, deepest_overlap
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import Outcome
@@ -130,7 +130,7 @@ class RigNumbers(NamedTuple):
         """Returns the rig of a trial that differs only in what `resolve_scenario` draws."""
         angles = start_angles(trial)
         return self._replace(
-            bodies=self.bodies._replace(friction=trial.contact.friction),
+            bodies=self.bodies.with_friction(trial.contact.friction),
             mechanics=self.mechanics._replace(pivot=float(trial.rig.pivot_height or 0.0)),
             start=np.array([self.home + trial.start.height, *angles, *[0.0] * (3 - len(angles))]),
         )
@@ -302,14 +302,16 @@ def log(row: np.void, rig: RigNumbers, state: RigState, time: float, shown: Obse
 def look(rig: RigNumbers, state: RigState, shown: Observation) -> Contacts:
     """Returns the contacts; see `ExactPlant.contacts`."""
     later, speeds, m = state.q.copy(), state.v.copy(), rig.mechanics
-    _, found, points, normals, forces = advance_rig(
+    _, found, nearby, forces = advance_rig(
         rig.bodies, m, later, speeds, shown.force, shown.equilibrium, rig.plant_period / STEPS, 1
     )
     R, tip = tip_in_hole(m, state.q)
     p = -m.pivot * R[:, 2]
     p[2] += m.pivot
-    count, contacts = join_contacts(points[:found], normals[:found], forces[:found], R, p, tip[2], rig.bodies.chamfer)
-    return Contacts(count, contacts, deepest_overlap(rig.bodies, tip, R[0], R[1]))
+    points, normals = nearby[:found, POINT].copy(), nearby[:found, NORMAL].copy()
+    count, contacts = join_contacts(points, normals, forces[:found], R, p, tip[2], rig.bodies.chamfer)
+    pose = (tip[0], tip[1], tip[2], R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2])
+    return Contacts(count, contacts, deepest_overlap(rig.bodies, pose))
 
 
 @compiled
@@ -448,7 +450,7 @@ def update(
         axes = state.axes.copy()
         for k in range(rig.steppers):
             axes[k] = stepper_step(rig.axis, state.axes[k], state.guard[PITCH + k], turned[k])
-        held, found, _, _, forces = advance_rig(
+        held, found, _, forces = advance_rig(
             rig.bodies,
             rig.mechanics,
             state.q,

@@ -25,8 +25,8 @@ import numpy as np
 
 from compiled import compiled
 from models import Array
-from models.contact_bodies import Bodies, Numbers
-from models.exact_geometry import TINY
+from models.contact_bodies import ContactLaw, Numbers
+from models.exact_geometry import SURFACE, TINY
 
 STEPS = 8
 """Steps in a contact time step of a scenario."""
@@ -48,37 +48,42 @@ that sticks under 10 N creeps at about 0.1 nm/s."""
 
 
 @compiled
-def normal_impulse(bodies: Bodies, step: float, gap: float, free: float, mobility: float) -> float:
+def normal_impulse(law: ContactLaw, step: float, gap: float, free: float, mobility: float) -> float:
     """Returns the normal impulse (N s) of a contact whose speed of separation is ``free`` + ``mobility`` * impulse.
 
     With the law of the module, the speed is the smaller root of a quadratic equation.
     """
-    if gap + step * free >= 0.0 or bodies.dissipation * free >= 1.0:
+    if gap + step * free >= 0.0 or law.dissipation * free >= 1.0:
         return 0.0
-    rate = step * bodies.stiffness * mobility
-    a = rate * step * bodies.dissipation
-    b = rate * (gap * bodies.dissipation - step) - 1.0
+    rate = step * law.stiffness * mobility
+    a = rate * step * law.dissipation
+    b = rate * (gap * law.dissipation - step) - 1.0
     c = free - rate * gap
     speed = 2.0 * c / (math.sqrt(b * b - 4.0 * a * c) - b)
     return (speed - free) / mobility
 
 
 @compiled
-def friction_impulse(limit: float, free: Array, mobility: Array) -> tuple[float, float]:
+def friction_impulse(
+    limit: float, u_x: float, u_y: float, m_xx: float, m_xy: float, m_yy: float
+) -> tuple[float, float]:
     """Returns the impulse (2,) of friction (N s): it stops sliding, or has the size ``limit`` and opposes sliding.
 
     Args:
         limit: largest impulse, N s.
-        free: (2,), sliding velocity without this impulse, m/s.
-        mobility: (2, 2), change of the sliding velocity with the impulse, m/s/(N s).
+        u_x: sliding velocity without this impulse, m/s.
+        u_y: its other component.
+        m_xx: change of the sliding velocity with the impulse, m/s/(N s), a symmetric matrix.
+        m_xy: likewise.
+        m_yy: likewise.
     """
     # In the frame of the principal axes of the mobility.
-    mean, difference = 0.5 * (mobility[0, 0] + mobility[1, 1]), 0.5 * (mobility[0, 0] - mobility[1, 1])
-    radius = math.hypot(difference, mobility[0, 1])
+    mean, difference = 0.5 * (m_xx + m_yy), 0.5 * (m_xx - m_yy)
+    radius = math.hypot(difference, m_xy)
     along = 0.5 * (1.0 + difference / radius) if radius > 0.0 else 1.0
-    c, s = math.sqrt(along), math.copysign(math.sqrt(1.0 - along), mobility[0, 1])
+    c, s = math.sqrt(along), math.copysign(math.sqrt(1.0 - along), m_xy)
     large, small = mean + radius, max(mean - radius, 1e-9 * (mean + radius))
-    first, second = c * free[0] + s * free[1], c * free[1] - s * free[0]
+    first, second = c * u_x + s * u_y, c * u_y - s * u_x
     # Friction p opposes the velocity: (mobility + lag) p = -free, with the smallest lag >= 0 that keeps p in the limit.
     lag = 0.0
     x, y = -first / large, -second / small
@@ -96,29 +101,29 @@ def friction_impulse(limit: float, free: Array, mobility: Array) -> tuple[float,
 
 @compiled
 def gauss_seidel(
-    bodies: Bodies, step: float, mobility: Array, free: Array, gap: Array, impulse: Array, sweeps: int
+    law: ContactLaw, step: float, mobility: Array, free: Array, gap: Array, impulse: Array, sweeps: int
 ) -> None:
     """Solves one contact after the other, ``sweeps`` times; see `solve_contacts`."""
-    n, slide = len(impulse), np.empty(2)
+    n = len(impulse)
     for _ in range(sweeps):
         for i in range(0, n, 3):
             u = free[i]
             for k in range(n):
                 if k != i:
                     u += mobility[i, k] * impulse[k]
-            impulse[i] = normal_impulse(bodies, step, gap[i // 3], u, mobility[i, i])
-            for j in range(2):
-                slide[j] = free[i + 1 + j]
-                for k in range(n):
-                    if k != i + 1 and k != i + 2:
-                        slide[j] += mobility[i + 1 + j, k] * impulse[k]
-            block = mobility[i + 1 : i + 3, i + 1 : i + 3]
-            impulse[i + 1], impulse[i + 2] = friction_impulse(bodies.friction * impulse[i], slide, block)
+            impulse[i] = normal_impulse(law, step, gap[i // 3], u, mobility[i, i])
+            x, y = free[i + 1], free[i + 2]
+            for k in range(n):
+                if k != i + 1 and k != i + 2:
+                    x += mobility[i + 1, k] * impulse[k]
+                    y += mobility[i + 2, k] * impulse[k]
+            m_xx, m_xy, m_yy = mobility[i + 1, i + 1], mobility[i + 1, i + 2], mobility[i + 2, i + 2]
+            impulse[i + 1], impulse[i + 2] = friction_impulse(law.friction * impulse[i], x, y, m_xx, m_xy, m_yy)
 
 
 @compiled
 def residual(
-    bodies: Bodies,
+    law: ContactLaw,
     step: float,
     mobility: Array,
     free: Array,
@@ -130,7 +135,7 @@ def residual(
     """Computes by how much impulses violate the laws of the module, in N s (Alart and Curnier, 1991); see `newton`.
 
     Args:
-        bodies: `Bodies`.
+        law: `ContactLaw`.
         step: h, s.
         mobility: (3m, 3m), see `solve_contacts`.
         free: (3m,), see `solve_contacts`.
@@ -142,19 +147,19 @@ def residual(
     Returns:
         The largest violation.
     """
-    n, mu = len(impulse), bodies.friction
+    n, mu = len(impulse), law.friction
     largest = 0.0
     for i in range(n):
         error[i] = free[i]
         for k in range(n):
             error[i] += mobility[i, k] * impulse[k]  # the velocities, for now
     for i in range(0, n, 3):
-        overlap, damping = -gap[i // 3] - step * error[i], 1.0 - bodies.dissipation * error[i]
-        law, change = 0.0, 0.0
+        overlap, damping = -gap[i // 3] - step * error[i], 1.0 - law.dissipation * error[i]
+        expected, change = 0.0, 0.0
         if overlap > 0.0 and damping > 0.0:
-            law = step * bodies.stiffness * overlap * damping
-            change = -step * bodies.stiffness * (step * damping + bodies.dissipation * overlap)
-        error[i] = impulse[i] - law
+            expected = step * law.stiffness * overlap * damping
+            change = -step * law.stiffness * (step * damping + law.dissipation * overlap)
+        error[i] = impulse[i] - expected
         for k in range(n):
             slope[i, k] = -change * mobility[i, k]
         slope[i, i] += 1.0
@@ -215,11 +220,11 @@ def eliminate(matrix: Array, vector: Array) -> None:
 
 
 @compiled
-def newton(bodies: Bodies, step: float, mobility: Array, free: Array, gap: Array, impulse: Array) -> bool:
+def newton(law: ContactLaw, step: float, mobility: Array, free: Array, gap: Array, impulse: Array) -> bool:
     """Solves all contacts together from a first guess by Newton's method; returns whether it converged."""
     n = len(impulse)
     error, slope, trial = np.empty(n), np.empty((n, n)), np.empty(n)
-    worst = residual(bodies, step, mobility, free, gap, impulse, error, slope)
+    worst = residual(law, step, mobility, free, gap, impulse, error, slope)
     for _ in range(NEWTON_STEPS):
         largest = 0.0
         for i in range(0, n, 3):
@@ -232,7 +237,7 @@ def newton(bodies: Bodies, step: float, mobility: Array, free: Array, gap: Array
         while part > 0.05:
             for i in range(n):
                 trial[i] = impulse[i] - part * change[i]
-            now = residual(bodies, step, mobility, free, gap, trial, error, slope)
+            now = residual(law, step, mobility, free, gap, trial, error, slope)
             if now < worst:
                 better = True
                 break
@@ -246,12 +251,12 @@ def newton(bodies: Bodies, step: float, mobility: Array, free: Array, gap: Array
 
 @compiled
 def solve_contacts(
-    bodies: Bodies, step: float, inverse: Array, free: Array, jacobian: Array, gap: Array, impulse: Array
+    law: ContactLaw, step: float, inverse: Array, free: Array, jacobian: Array, gap: Array, impulse: Array
 ) -> tuple[Array, int]:
     """Returns the velocities (n,) at the end of a step, and the number of rounds.
 
     Args:
-        bodies: `Bodies`.
+        law: `ContactLaw`.
         step: h, s.
         inverse: (n,), diagonal of the inverse of A; 0 for a freedom that is locked.
         free: (n,), velocities without contact.
@@ -273,10 +278,10 @@ def solve_contacts(
         mobility[i, i] = mobility[i, i] * (1.0 + SOFTENING) + TINY
     rounds, guess = 0, impulse.copy()
     while m > 0 and rounds < ROUNDS:
-        gauss_seidel(bodies, step, mobility, without, gap, guess, SWEEPS << rounds)
+        gauss_seidel(law, step, mobility, without, gap, guess, SWEEPS << rounds)
         rounds += 1
         impulse[:] = guess
-        if newton(bodies, step, mobility, without, gap, impulse):
+        if newton(law, step, mobility, without, gap, impulse):
             break
         impulse[:] = guess
     velocity = free.copy()
@@ -287,27 +292,27 @@ def solve_contacts(
 
 
 @compiled
-def match(surface: Numbers, old_surface: Numbers, old_impulse: Array, impulse: Array) -> None:
+def match(contacts: Array, old_surface: Numbers, old_impulse: Array, impulse: Array) -> None:
     """Copies the impulses of the last step's contacts, by their surfaces, into the first guess of this step's."""
-    for i in range(len(surface)):
+    for i in range(len(impulse) // 3):
         for k in range(len(old_surface)):
-            if old_surface[k] == surface[i]:
-                impulse[3 * i : 3 * i + 3] = old_impulse[k]
+            if old_surface[k] == contacts[i, SURFACE]:
+                for j in range(3):
+                    impulse[3 * i + j] = old_impulse[k, j]
                 old_surface[k] = -1
                 break
 
 
 @compiled
-def tangents(n_x: float, n_y: float, n_z: float) -> Array:
-    """Returns two unit vectors (2, 3) across a unit vector; the first one is as near to z as it can be, or to x."""
-    t = np.zeros((2, 3))
+def set_frame(n_x: float, n_y: float, n_z: float, frame: Array) -> None:
+    """Sets three unit vectors (3, 3): the first is given, the second as near to z as it can be, or to x."""
+    frame[0, 0], frame[0, 1], frame[0, 2] = n_x, n_y, n_z
     if abs(n_z) < 0.9:
         across = math.hypot(n_x, n_y)
-        t[0, 0], t[0, 1], t[0, 2] = -n_z * n_x / across, -n_z * n_y / across, across
+        frame[1, 0], frame[1, 1], frame[1, 2] = -n_z * n_x / across, -n_z * n_y / across, across
     else:
         across = math.hypot(n_y, n_z)
-        t[0, 0], t[0, 1], t[0, 2] = across, -n_x * n_y / across, -n_x * n_z / across
-    t[1, 0] = n_y * t[0, 2] - n_z * t[0, 1]
-    t[1, 1] = n_z * t[0, 0] - n_x * t[0, 2]
-    t[1, 2] = n_x * t[0, 1] - n_y * t[0, 0]
-    return t
+        frame[1, 0], frame[1, 1], frame[1, 2] = across, -n_x * n_y / across, -n_x * n_z / across
+    frame[2, 0] = n_y * frame[1, 2] - n_z * frame[1, 1]
+    frame[2, 1] = n_z * frame[1, 0] - n_x * frame[1, 2]
+    frame[2, 2] = n_x * frame[1, 1] - n_y * frame[1, 0]

@@ -14,11 +14,11 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Disc
 from compiled import compiled
 from models import Array
 from models.contact_bodies import Bodies
-from models.exact_geometry import MAX_CONTACTS, TINY, find_contacts
+from models.exact_geometry import CONTACTS, GAP, MAX_CONTACTS, NORMAL, POINT, SURFACE, TINY, find_contacts, pose_of
 from models.scenario import Scenario
 from systems.math.rotation import free_body_pose
 from systems.plant.contact_plant import AddVirtualPlant, HydroelasticPeg
-from systems.plant.exact_contact import STEPS, match, solve_contacts, tangents
+from systems.plant.exact_contact import STEPS, match, set_frame, solve_contacts
 
 
 @compiled
@@ -68,7 +68,7 @@ def advance_peg(
     wrench: Array,
     step: float,
     count: int,
-) -> tuple[Array, int, Array, Array, Array]:
+) -> tuple[Array, int, Array, Array]:
     """Takes ``count`` time steps.
 
     Args:
@@ -84,29 +84,37 @@ def advance_peg(
 
     Returns:
         Torque and force of the contact on the peg at the tip, in H, in the last step, (6,), N m and N; and the
-        contacts of the last step: number, points (MAX_CONTACTS, 3) and normals (MAX_CONTACTS, 3) in H, and normal
-        forces (MAX_CONTACTS,).
+        contacts of the last step: number, `CONTACTS`, and normal forces (MAX_CONTACTS,).
     """
-    gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
-    surface, force, contact, found = np.empty(MAX_CONTACTS, np.int64), np.zeros(MAX_CONTACTS), np.zeros(6), 0
+    contacts, frame, force, contact, found = (
+        np.empty(CONTACTS),
+        np.empty((3, 3)),
+        np.zeros(MAX_CONTACTS),
+        np.zeros(6),
+        0,
+    )
     old_surface, old_impulse = np.full(MAX_CONTACTS, -1), np.zeros((MAX_CONTACTS, 3))
     for _ in range(count):
         R = rotation_of(q[:4])
-        found = find_contacts(bodies, q[4:], R[:, 0].copy(), R[:, 1].copy(), gap, point, normal, surface)
+        found = find_contacts(bodies, pose_of(q[4:], R), contacts)
         jacobian, impulse = np.zeros((3 * found, 6)), np.zeros(3 * found)
-        frame = np.empty((3, 3))
         for i in range(found):
-            frame[0] = normal[i]
-            frame[1:] = tangents(normal[i, 0], normal[i, 1], normal[i, 2])
-            x, y, z = point[i, 0] - q[4], point[i, 1] - q[5], point[i, 2] - q[6]
+            set_frame(contacts[i, 4], contacts[i, 5], contacts[i, 6], frame)
+            x, y, z = contacts[i, 1] - q[4], contacts[i, 2] - q[5], contacts[i, 3] - q[6]
             for j in range(3):
                 f, row = frame[j], jacobian[3 * i + j]
                 row[0], row[1], row[2] = y * f[2] - z * f[1], z * f[0] - x * f[2], x * f[1] - y * f[0]
                 row[3:] = f
-        match(surface[:found], old_surface, old_impulse, impulse)
+        match(contacts, old_surface, old_impulse, impulse)
         mass = inertia + step * damping
         velocity, _ = solve_contacts(
-            bodies, step, free / mass, free * (inertia * v + step * wrench) / mass, jacobian, gap[:found], impulse
+            bodies.law,
+            step,
+            free / mass,
+            free * (inertia * v + step * wrench) / mass,
+            jacobian,
+            contacts[:found, GAP],
+            impulse,
         )
         v[:] = velocity
         turn(q[:4], step * v[:3])
@@ -117,8 +125,8 @@ def advance_peg(
             contact += jacobian[i] * impulse[i] / step
             old_impulse[i // 3, i % 3] = impulse[i]
         for i in range(found):
-            force[i], old_surface[i] = impulse[3 * i] / step, surface[i]
-    return contact, found, point, normal, force
+            force[i], old_surface[i] = impulse[3 * i] / step, int(contacts[i, SURFACE])
+    return contact, found, contacts, force
 
 
 class ExactPeg(LeafSystem):
@@ -182,14 +190,16 @@ class ExactPeg(LeafSystem):
             Points (n, 3) in H, m; unit normals (n, 3) in H, in which the block pushes the peg; stiffnesses (n,), N/m;
             elastic forces (n,), N, negative at a gap.
         """
-        gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
+        contacts = np.empty(CONTACTS)
         pose = self._state(self.GetMyContextFromRoot(context))[:7].copy()
-        R = rotation_of(pose[:4])
-        n = find_contacts(
-            self._bodies, pose[4:], R[:, 0].copy(), R[:, 1].copy(), gap, point, normal, np.empty(MAX_CONTACTS, np.int64)
+        n = find_contacts(self._bodies, pose_of(pose[4:], rotation_of(pose[:4])), contacts)
+        stiffness = self._bodies.law.stiffness
+        return (
+            contacts[:n, POINT].copy(),
+            contacts[:n, NORMAL].copy(),
+            np.full(n, stiffness),
+            -stiffness * contacts[:n, GAP],
         )
-        stiffness = self._bodies.stiffness
-        return point[:n], normal[:n], np.full(n, stiffness), -stiffness * gap[:n]
 
     def _state(self, own: Context) -> Array:
         return np.asarray(own.get_discrete_state(self._motion).value())
@@ -198,7 +208,7 @@ class ExactPeg(LeafSystem):
         state, wrench = self._state(context).copy(), np.zeros(6)
         for force in self.peg_forces.Eval(context):  # at the tip
             wrench += np.concatenate([force.F_Bq_W.rotational(), force.F_Bq_W.translational()])
-        contact, found, points, _, forces = advance_peg(
+        contact, found, contacts, forces = advance_peg(
             self._bodies,
             self._inertia,
             self._damping,
@@ -211,7 +221,7 @@ class ExactPeg(LeafSystem):
         )
         weights = forces[:found] / max(forces[:found].sum(), TINY)
         discrete_state.set_value(self._motion, state)
-        discrete_state.set_value(self._contact, np.concatenate([contact, weights @ points[:found]]))
+        discrete_state.set_value(self._contact, np.concatenate([contact, weights @ contacts[:found, POINT].copy()]))
 
     def _calc_state(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._state(context))

@@ -20,12 +20,12 @@ from pydrake.systems.framework import (
 
 from compiled import compiled
 from models import Array
-from models.contact_bodies import Bodies, Numbers
-from models.exact_geometry import MAX_CONTACTS, find_contacts
+from models.contact_bodies import Bodies
+from models.exact_geometry import CONTACTS, GAP, MAX_CONTACTS, NORMAL, POINT, SURFACE, find_contacts
 from models.scenario import Scenario
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.contact_plant import AddRigPlant
-from systems.plant.exact_contact import STEPS, match, solve_contacts, tangents
+from systems.plant.exact_contact import STEPS, match, set_frame, solve_contacts
 from systems.plant.rig_plant import stepper_axes
 
 FREEDOMS = 6
@@ -150,27 +150,26 @@ def tip_in_hole(m: Mechanics, q: Array) -> tuple[Array, Array]:
 
 
 @compiled
-def rig_contacts(
-    bodies: Bodies, m: Mechanics, q: Array, gap: Array, point: Array, normal: Array, surface: Numbers
-) -> int:
+def rig_contacts(bodies: Bodies, m: Mechanics, q: Array, contacts: Array) -> int:
     """Finds the contacts at positions (6,); their points and normals are in W. Returns how many there are."""
     R, tip = tip_in_hole(m, q)
     # The peg does not turn in W; its x and y axes in H are two rows of R_WH.
-    count = find_contacts(bodies, tip, R[0], R[1], gap, point, normal, surface)
+    pose = (tip[0], tip[1], tip[2], R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2])
+    count = find_contacts(bodies, pose, contacts)
     for i in range(count):
-        point[i, 2] -= m.pivot
-        turn(R, point[i])
-        point[i, 2] += m.pivot
-        turn(R, normal[i])
+        contacts[i, 3] -= m.pivot
+        turn(R, contacts, i, 1)
+        contacts[i, 3] += m.pivot
+        turn(R, contacts, i, 4)
     return count
 
 
 @compiled
-def turn(R: Array, x: Array) -> None:
-    """Turns a vector (3,) in place by a matrix (3, 3), without the call of a library and new arrays."""
-    a, b, c = x[0], x[1], x[2]
-    for i in range(3):
-        x[i] = R[i, 0] * a + R[i, 1] * b + R[i, 2] * c
+def turn(R: Array, rows: Array, i: int, first: int) -> None:
+    """Turns three components of a row in place by a matrix (3, 3), without the call of a library and new arrays."""
+    a, b, c = rows[i, first], rows[i, first + 1], rows[i, first + 2]
+    for k in range(3):
+        rows[i, first + k] = R[k, 0] * a + R[k, 1] * b + R[k, 2] * c
 
 
 @compiled
@@ -183,7 +182,7 @@ def advance_rig(
     equilibrium: Array,
     step: float,
     count: int,
-) -> tuple[Array, int, Array, Array, Array]:
+) -> tuple[Array, int, Array, Array]:
     """Takes ``count`` time steps.
 
     Args:
@@ -198,10 +197,9 @@ def advance_rig(
 
     Returns:
         Mean force (N) and torque (N m) of the mount on the peg, at the sensor, in W (6,); and the contacts in the last
-        step: number, points (MAX_CONTACTS, 3) in W, normals (MAX_CONTACTS, 3) in W and normal forces (MAX_CONTACTS,).
+        step: number, `CONTACTS` with points and normals in W, and normal forces (MAX_CONTACTS,).
     """
-    gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
-    surface, force = np.empty(MAX_CONTACTS, np.int64), np.zeros(MAX_CONTACTS)
+    contacts, force, frame = np.empty(CONTACTS), np.zeros(MAX_CONTACTS), np.empty((3, 3))
     old_surface, old_impulse = np.full(MAX_CONTACTS, -1), np.zeros((MAX_CONTACTS, 3))
     start, wrench, found = v.copy(), np.zeros(6), 0
     limit, arm = m.holding_torque, m.block_centre - m.pivot
@@ -230,25 +228,23 @@ def advance_rig(
                 0.0,
             ]
         )
-        found = rig_contacts(bodies, m, q, gap, point, normal, surface)
+        found = rig_contacts(bodies, m, q, contacts)
         jacobian, impulse = np.zeros((3 * found, FREEDOMS)), np.zeros(3 * found)
         c, s = math.cos(q[3]), math.sin(q[3])
         for i in range(found):
-            frame = np.empty((3, 3))
-            frame[0] = normal[i]
-            frame[1:] = tangents(normal[i, 0], normal[i, 1], normal[i, 2])
-            x, y, z = point[i, 0], point[i, 1], point[i, 2] - m.pivot
+            set_frame(contacts[i, 4], contacts[i, 5], contacts[i, 6], frame)
+            x, y, z = contacts[i, 1], contacts[i, 2], contacts[i, 3] - m.pivot
             # Velocities of a point of the block: e_x x d for pitch, (0, c, s) x d for yaw, and the axis of the bore
             # (sy, -s cy, c cy) x d for the clocking stage.
             for j in range(3):
-                f, row = frame[j], 3 * i + j
-                jacobian[row, 0], jacobian[row, 1], jacobian[row, 2] = f[2], f[0], f[1]
-                jacobian[row, 3] = f[1] * z - f[2] * y
-                jacobian[row, 4] = -(f[0] * (c * z - s * y) + f[1] * s * x - f[2] * c * x)
+                f_x, f_y, f_z, row = frame[j, 0], frame[j, 1], frame[j, 2], 3 * i + j
+                jacobian[row, 0], jacobian[row, 1], jacobian[row, 2] = f_z, f_x, f_y
+                jacobian[row, 3] = f_y * z - f_z * y
+                jacobian[row, 4] = -(f_x * (c * z - s * y) + f_y * s * x - f_z * c * x)
                 jacobian[row, 5] = (
-                    f[0] * (s * z + c * y) * cy + f[1] * (sy * z - c * cy * x) - f[2] * (sy * y + s * cy * x)
+                    f_x * (s * z + c * y) * cy + f_y * (sy * z - c * cy * x) - f_z * (sy * y + s * cy * x)
                 )
-        match(surface[:found], old_surface, old_impulse, impulse)
+        match(contacts, old_surface, old_impulse, impulse)
         hold[:] = 0.0  # torque of a stepper at its limit
         velocity = v
         for _trial in range(3):
@@ -265,7 +261,7 @@ def advance_rig(
                     B[k] -= step * m.stepper_stiffness * (q[k] - equilibrium[k - 3])
                 else:
                     B[k] += step * hold[k - 3]
-            velocity, _ = solve_contacts(bodies, step, 1.0 / A, B / A, jacobian, gap[:found], impulse)
+            velocity, _ = solve_contacts(bodies.law, step, 1.0 / A, B / A, jacobian, contacts[:found, GAP], impulse)
             again = False
             for k in range(3, FREEDOMS):
                 later = q[k] + step * velocity[k] - equilibrium[k - 3]
@@ -278,18 +274,20 @@ def advance_rig(
         q += step * v
         old_surface[:] = -1
         for i in range(found):
-            own = impulse[3 * i : 3 * i + 3]
-            force[i] = own[0] / step
-            rows = jacobian[3 * i : 3 * i + 3]
-            p = own[0] * rows[0, :3] + own[1] * rows[1, :3] + own[2] * rows[2, :3]  # along z, x and y
-            x, y, z = point[i, 0] - q[1], point[i, 1] - q[2], point[i, 2] - q[0]
-            wrench[0] -= p[1]
-            wrench[1] -= p[2]
-            wrench[2] -= p[0]
-            wrench[3] -= y * p[0] - z * p[2]
-            wrench[4] -= z * p[1] - x * p[0]
-            wrench[5] -= x * p[2] - y * p[1]
-            old_surface[i], old_impulse[i] = surface[i], own
+            k, n, a, b = 3 * i, impulse[3 * i], impulse[3 * i + 1], impulse[3 * i + 2]
+            force[i] = n / step
+            p_x = n * jacobian[k, 1] + a * jacobian[k + 1, 1] + b * jacobian[k + 2, 1]
+            p_y = n * jacobian[k, 2] + a * jacobian[k + 1, 2] + b * jacobian[k + 2, 2]
+            p_z = n * jacobian[k, 0] + a * jacobian[k + 1, 0] + b * jacobian[k + 2, 0]
+            x, y, z = contacts[i, 1] - q[1], contacts[i, 2] - q[2], contacts[i, 3] - q[0]
+            wrench[0] -= p_x
+            wrench[1] -= p_y
+            wrench[2] -= p_z
+            wrench[3] -= y * p_z - z * p_y
+            wrench[4] -= z * p_x - x * p_z
+            wrench[5] -= x * p_y - y * p_x
+            old_surface[i] = int(contacts[i, SURFACE])
+            old_impulse[i, 0], old_impulse[i, 1], old_impulse[i, 2] = n, a, b
     duration = count * step
     wrench /= duration
     a_x, a_y = (v[1] - start[1]) / duration, (v[2] - start[2]) / duration
@@ -298,7 +296,7 @@ def advance_rig(
     wrench[2] += m.peg_mass * ((v[0] - start[0]) / duration + m.gravity)
     wrench[3] -= m.centre * m.peg_mass * a_y
     wrench[4] += m.centre * m.peg_mass * a_x
-    return wrench, found, point, normal, force
+    return wrench, found, contacts, force
 
 
 class ExactPlant(LeafSystem):
@@ -359,7 +357,7 @@ class ExactPlant(LeafSystem):
         """See `PegCarrier`."""
         own = self.GetMyMutableContextFromRoot(context)
         bodies, m = self._constants_in(own)
-        bodies = bodies._replace(friction=trial.contact.friction)
+        bodies = bodies.with_friction(trial.contact.friction)
         m = m._replace(pivot=float(trial.rig.pivot_height or 0.0))
         own.get_mutable_abstract_parameter(self._constants).set_value((bodies, m))
 
@@ -381,8 +379,8 @@ class ExactPlant(LeafSystem):
     def contacts(self, context: Context) -> list[Contact]:
         """See `PegCarrier`."""
         own = self.GetMyContextFromRoot(context)
-        _, _, (found, points, normals, forces) = self._advanced(own, 1)
-        parts = NormalForces(points[:found], normals[:found], forces[:found])
+        _, _, (found, contacts, forces) = self._advanced(own, 1)
+        parts = NormalForces(contacts[:found, POINT].copy(), contacts[:found, NORMAL].copy(), forces[:found])
         m = self._constants_in(own)[1]
         R_WH, p_HP = tip_in_hole(m, self._positions(own))
         p_WH = np.array([0.0, 0.0, m.pivot]) - m.pivot * R_WH[:, 2]
@@ -396,11 +394,11 @@ class ExactPlant(LeafSystem):
     def _positions(self, own: Context) -> Array:
         return np.array(own.get_discrete_state(self._motion).value()[:FREEDOMS])
 
-    def _advanced(self, own: Context, count: int) -> tuple[Array, Array, tuple[int, Array, Array, Array]]:
+    def _advanced(self, own: Context, count: int) -> tuple[Array, Array, tuple[int, Array, Array]]:
         """Returns the motion (12,) after some steps, and wrench and contacts as `advance_rig` does."""
         motion = own.get_discrete_state(self._motion).value()
         q, v = motion[:FREEDOMS].copy(), motion[FREEDOMS:].copy()
-        wrench, found, points, normals, forces = advance_rig(
+        wrench, found, contacts, forces = advance_rig(
             *self._constants_in(own),
             q,
             v,
@@ -409,10 +407,10 @@ class ExactPlant(LeafSystem):
             self._step,
             count,
         )
-        return np.concatenate([q, v]), wrench, (found, points, normals, forces)
+        return np.concatenate([q, v]), wrench, (found, contacts, forces)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        motion, wrench, (found, _, _, forces) = self._advanced(context, STEPS)
+        motion, wrench, (found, _, forces) = self._advanced(context, STEPS)
         discrete_state.set_value(self._motion, motion)
         discrete_state.set_value(self._held, wrench)
         discrete_state.set_value(self._load, [forces[:found].sum()])

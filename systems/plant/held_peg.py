@@ -15,6 +15,7 @@ from compiled import compiled
 from models import Array
 from models.arm import ArmParameters
 from models.contact_bodies import Bodies
+from models.exact_geometry import NORMAL, POINT
 from models.hardware import GRAVITY, STEEL
 from models.scenario import Scenario
 from systems.math.rotation import free_body_pose
@@ -101,7 +102,7 @@ def held_wrench(c: Compliance, q: Array, v: Array, anchor: Array) -> Array:
 @compiled
 def advance_held_peg(
     bodies: Bodies, c: Compliance, weight: Array, q: Array, v: Array, anchor: Array, step: float, count: int
-) -> tuple[Array, int, Array, Array, Array]:
+) -> tuple[Array, int, Array, Array]:
     """Takes ``count`` time steps, in which the anchor moves on with its velocities; changes q, v and anchor.
 
     Args:
@@ -116,17 +117,17 @@ def advance_held_peg(
 
     Returns:
         The mean torque and force of the compliance on the peg at the tip, in H, (6,); and the contacts of the last
-        step: number, points and normals in H, and normal forces; see `advance_peg`.
+        step: number, `CONTACTS` and normal forces; see `advance_peg`.
     """
     total, damping, free = np.zeros(6), np.zeros(6), np.ones(6)
     for _ in range(count):
         wrench = held_wrench(c, q, v, anchor)
         total += wrench
         wrench[3:] += weight
-        _, found, point, normal, force = advance_peg(bodies, c.inertia, damping, free, q, v, wrench, step, 1)
+        _, found, contacts, force = advance_peg(bodies, c.inertia, damping, free, q, v, wrench, step, 1)
         turn(anchor[:4], step * anchor[7:10])
         anchor[4:7] += step * anchor[10:]
-    return total / count, found, point, normal, force
+    return total / count, found, contacts, force
 
 
 class HeldPeg(LeafSystem):
@@ -206,8 +207,8 @@ class HeldPeg(LeafSystem):
     def contacts(self, context: Context) -> list[Contact]:
         """Returns the single contacts of the step that would follow, in H; ``context`` is the root context."""
         own = self.GetMyContextFromRoot(context)
-        _, _, found, points, normals, forces = self._advanced(own, 1)
-        parts = NormalForces(points[:found], normals[:found], forces[:found])
+        _, _, found, contacts, forces = self._advanced(own, 1)
+        parts = NormalForces(contacts[:found, POINT].copy(), contacts[:found, NORMAL].copy(), forces[:found])
         return single_contacts(parts, RigidTransform(), self.peg_in_hole(context), chamfer=self._chamfer)
 
     def _world(self, own: Context) -> _World:
@@ -221,19 +222,19 @@ class HeldPeg(LeafSystem):
     def _state(self, own: Context) -> Array:
         return np.array(own.get_discrete_state(self._motion).value())
 
-    def _advanced(self, own: Context, count: int) -> tuple[Array, Array, int, Array, Array, Array]:
+    def _advanced(self, own: Context, count: int) -> tuple[Array, Array, int, Array, Array]:
         """Returns the motion (13,) of the peg in H after some steps, and then what `advance_held_peg` returns."""
         bodies, hole = self._world(own)
         state, anchor = seen_from(hole, self._state(own)), seen_from(hole, np.array(self._anchor.Eval(own)))
         weight = -self.compliance.weight * rotation_of(hole[:4])[2]
-        held, found, points, normals, forces = advance_held_peg(
+        held, found, contacts, forces = advance_held_peg(
             bodies, self.compliance, weight, state[:7], state[7:], anchor, self._step, count
         )
-        return state, held, found, points, normals, forces
+        return state, held, found, contacts, forces
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         hole = self._world(context).hole
-        state, held, found, _, _, forces = self._advanced(context, self._count)
+        state, held, found, _, forces = self._advanced(context, self._count)
         R = rotation_of(hole[:4])
         discrete_state.set_value(self._motion, seen_from(inverse(hole), state))
         discrete_state.set_value(self._held, np.concatenate([R @ held[:3], R @ held[3:]]))
