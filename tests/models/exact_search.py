@@ -3,7 +3,7 @@
 import numpy as np
 
 from models.contact_bodies import curve_pieces, surface_pieces
-from models.exact_geometry import COLUMNS, MAX_CONTACTS, edge_gap, find_minima, is_nearest, planar_gap, rim_gap
+from models.exact_geometry import COLUMNS, MAX_CONTACTS, edge_gap, find_minima, is_nearest, planar_gap, pose_of, rim_gap
 from models.section import SPAN, on_piece
 
 SAMPLES, MINIMA, REFINEMENTS = 192, 4, 12
@@ -11,10 +11,9 @@ SAMPLES, MINIMA, REFINEMENTS = 192, 4, 12
 
 def found_minima(bodies, p, R, reach):
     """The rows (n, COLUMNS) of the compiled search for all mates of a pose, points and normals from their mouths."""
-    rows, u, v = np.empty((MAX_CONTACTS, COLUMNS)), R[:, 0].copy(), R[:, 1].copy()
-    found = []
-    for mate in range(len(bodies.tips)):
-        count = find_minima(bodies, mate, p, u, v, reach, rows)
+    rows, found = np.empty((MAX_CONTACTS, COLUMNS)), []
+    for mate in range(len(bodies.mates)):
+        count = find_minima(bodies, mate, pose_of(p, R), reach, rows)
         found.append(rows[:count].copy())
     return np.concatenate(found)
 
@@ -32,7 +31,7 @@ def sampled_minima(mate, p, R):
     def to_wall(piece, k, share):
         x, y, z = on_rim(piece, share)
         gap = rim_gap(mate.chamfer, *planar_gap(walls[k], x, y), z)[0]
-        return np.where(is_nearest(walls, k, x, y), gap, np.inf)
+        return np.where(is_nearest(walls, 0, len(walls), k, x, y), gap, np.inf)
 
     def to_floor(piece, share):
         return on_rim(piece, share)[2] + mate.depth
@@ -41,7 +40,7 @@ def sampled_minima(mate, p, R):
         x, y = on_piece(piece, share)
         d = np.stack([x, y, np.full_like(x, height)], axis=-1) - p[:, None]
         gap = edge_gap(sides[k], *np.moveaxis(d, -1, 0), *np.moveaxis(u, -1, 0), *np.moveaxis(v, -1, 0))[0]
-        return np.where(is_nearest(sides, k, (d * u).sum(axis=-1), (d * v).sum(axis=-1)), gap, np.inf)
+        return np.where(is_nearest(sides, 0, len(sides), k, (d * u).sum(axis=-1), (d * v).sum(axis=-1)), gap, np.inf)
 
     found = []
     for piece in curve_pieces(mate.peg):

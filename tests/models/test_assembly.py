@@ -7,7 +7,7 @@ import pytest
 
 from models.assembly import Assembly
 from models.contact_bodies import ContactLabel
-from models.exact_geometry import MAX_CONTACTS, find_contacts, rotations_of_vectors
+from models.exact_geometry import CONTACTS, GAP, NORMAL, POINT, find_contacts, pose_of, rotations_of_vectors
 from models.scenario import load_scenario, parse_scenario
 
 PLUG, STEPPED = load_scenario("two_pin_plug").geometry, load_scenario("stepped_shaft").geometry
@@ -23,12 +23,10 @@ def test_two_pins_leave_a_plug_the_play_of_their_distance(turn):
 
 
 def test_both_pins_press_at_once_on_a_plug_that_is_turned_too_far():
-    gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
-    R = rotations_of_vectors([[0.0, 0.0, 0.006]])[0]
-    x, y, surface = R[:, 0].copy(), R[:, 1].copy(), np.empty(MAX_CONTACTS, np.int64)
-    count = find_contacts(PLUG.assembly.bodies, np.array([0.0, 0.0, -0.010]), x, y, gap, point, normal, surface)
-    on = gap[:count] < 0.0
-    places, pushes = point[:count][on], normal[:count][on]
+    contacts, R = np.empty(CONTACTS), rotations_of_vectors([[0.0, 0.0, 0.006]])[0]
+    count = find_contacts(PLUG.assembly.bodies, pose_of(np.array([0.0, 0.0, -0.010]), R), contacts)
+    on = contacts[:count][contacts[:count, GAP] < 0.0]
+    places, pushes = on[:, POINT], on[:, NORMAL]
     moments = np.cross(places, pushes)[:, 2]
     assert {round(1e3 * x / 9.5) for x in places[:, 0]} == {-1, 1}
     assert (moments < 0.0).all()  # both turn it back

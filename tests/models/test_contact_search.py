@@ -5,13 +5,14 @@ import pytest
 
 from models.contact_bodies import FLOOR, OUTER
 from models.exact_geometry import (
+    CONTACTS,
     GAP,
-    MAX_CONTACTS,
     NORMAL,
     REACH,
     SURFACE,
     deepest_overlap,
     find_contacts,
+    pose_of,
     rotations_of_vectors,
 )
 from models.scenario import Scenario, load_scenario
@@ -61,11 +62,10 @@ def test_the_lowest_gap_is_the_sampled_one_for_every_section(name):
     assembly = scenario.geometry.assembly
     expected = lowest_gaps(assembly, p, R)
     np.testing.assert_allclose(assembly.gap(p, R), expected, rtol=0, atol=1e-9)
-    gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
     for k in range(n):
-        pose = p[k], R[k, :, 0].copy(), R[k, :, 1].copy()
-        assert deepest_overlap(assembly.bodies, *pose) == pytest.approx(max(0.0, -expected[k]), abs=1e-9)
-        count = find_contacts(assembly.bodies, *pose, gap, point, normal, np.empty(MAX_CONTACTS, int))
+        pose = pose_of(p[k], R[k])
+        assert deepest_overlap(assembly.bodies, pose) == pytest.approx(max(0.0, -expected[k]), abs=1e-9)
+        count = find_contacts(assembly.bodies, pose, np.empty(CONTACTS))
         assert (count > 0) == (expected[k] < REACH)
     assert 0.1 < (expected < 0.0).mean() < 0.97
 
@@ -85,10 +85,9 @@ def test_a_side_that_lies_flat_on_a_wall_touches_at_its_four_corners_once():
 
 def contacts_at(p, R):
     """Returns gaps, normals and surfaces of the contacts of a pose."""
-    gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
-    surface = np.empty(MAX_CONTACTS, np.int64)
-    count = find_contacts(ROUND.bodies, p, R[:, 0].copy(), R[:, 1].copy(), gap, point, normal, surface)
-    return gap[:count], normal[:count], surface[:count]
+    contacts = np.empty(CONTACTS)
+    found = contacts[: find_contacts(ROUND.bodies, pose_of(p, R), contacts)]
+    return found[:, GAP], found[:, NORMAL], found[:, SURFACE]
 
 
 def test_normals_are_the_slopes_of_gaps_and_do_not_jump_where_bodies_touch():
