@@ -99,7 +99,7 @@ def row_of(pieces: Array, k: int) -> tuple[float, float, float, float, float, fl
 
 
 @register_jitable(inline="always")
-def planar_gap(piece: Array, x: Any, y: Any) -> tuple[Any, ...]:
+def planar_gap(piece: Any, x: Any, y: Any) -> tuple[Any, ...]:
     """Returns how far points are outside of an outline beside one of its pieces.
 
     Like `rim_gap` and `edge_gap`, this is written for arrays of any shape and, compiled, for single points.
@@ -122,7 +122,7 @@ def planar_gap(piece: Array, x: Any, y: Any) -> tuple[Any, ...]:
 
 
 @register_jitable(inline="always")
-def is_beside(piece: Array, x: Any, y: Any) -> Any:
+def is_beside(piece: Any, x: Any, y: Any) -> Any:
     """Returns whether a piece is the nearest part of its outline around it to points; see `planar_gap`."""
     d_x, d_y = x - piece[X], y - piece[Y]
     along = d_x * piece[C] + d_y * piece[S]
