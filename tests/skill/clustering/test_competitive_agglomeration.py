@@ -1,4 +1,5 @@
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,6 +30,7 @@ from tests.skill.clustering.labelled_sets import (
     with_outliers,
 )
 
+GOLDEN = Path(__file__).parents[2] / "data" / "golden_ca.npz"
 SYMMETRIC = np.array([[-1.0], [1.0]])
 
 
@@ -368,3 +370,14 @@ def test_rounded_values_leave_the_variance_of_rounding():
     X = np.repeat([[0.0], [1.0]], 400, axis=0)
     dut = CompetitiveAgglomeration(random_state=0).fit(X)
     assert (dut.covariances_ >= 1.0 / 12.0).all()
+
+
+@pytest.mark.parametrize(
+    ("case", "sizes"), [("A", [100, 100, 100]), ("B", [58, 60, 60, 62]), ("C", [78, 79, 80, 80, 81, 82])]
+)
+def test_clusters_in_the_sets_of_the_published_program(case, sizes):
+    """The program of the authors ends with 8, 3 and 17 spherical clusters."""
+    with np.load(GOLDEN) as golden:
+        X, published = golden[f"X_{case}"], golden[f"sizes_{case}"]
+    assert sorted(np.bincount(CompetitiveAgglomeration(random_state=0).fit(X).labels_)) == sizes
+    assert len(published) == {"A": 8, "B": 3, "C": 17}[case]
