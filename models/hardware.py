@@ -77,10 +77,11 @@ class StepperMotorParameters:
     microsteps: int = 8  # positions of the driver in a full step [choice]
     # The current of the driver sets it. A step against a jammed peg changes the load by up to (pi/2) T_h / microsteps
     # / peg radius, so that a motor stronger than its task makes a cap of the load impossible.
+    # The pull-out torque at rest; at max_step_rate the rotor is pulled out by at least 0.8 of it.
     holding_torque: float = 0.5  # in units of N m, at the output [choice]
     damping: float = limited(0.75, low=0.0)  # in units of N m s/rad [choice]
     reflected_inertia: float = 1.0e-3  # in units of kg m^2 [choice]
-    max_step_rate: float = 250.0  # in units of steps/s; no step is lost up to 0.8 of the holding torque [choice]
+    max_step_rate: float = 250.0  # in units of steps/s [choice]
     max_step_acceleration: float = 8.0e3  # in units of steps/s^2; needs a tenth of the holding torque [choice]
     # A closed-loop drive: 10,000 counts per turn of the motor, at the output of the gear of ten.
     encoder_resolution: float = 2.0 * math.pi / 1.0e5  # in units of rad, at the output [choice]

@@ -40,8 +40,8 @@ def main(
     from interfaces.reports.part_figure import plot_part
     from interfaces.terminal import say
     from models.cad.pair import fit
-    from models.cad.part_file import part_text, remarks
-    from models.cad.solid import read_solid
+    from models.cad.scenario_file import part_text, remarks
+    from models.cad.solid_file import read_solid
     from skill.data.files import write_atomically
     from skill.figures.paper_figures import save_figure
 

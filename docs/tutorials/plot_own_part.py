@@ -19,8 +19,8 @@ from experiments.demonstration_set import demonstrate_all, requests
 from experiments.trial.run_trial import run_trials
 from interfaces.reports.part_figure import plot_part
 from models.cad.pair import fit
-from models.cad.part_file import part_text, remarks
-from models.cad.solid import read_solid
+from models.cad.scenario_file import part_text, remarks
+from models.cad.solid_file import read_solid
 from models.scenario import load_scenario
 from skill import ManipulationSkill
 from skill.features.measurement import contact_loads

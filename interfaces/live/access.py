@@ -1,4 +1,4 @@
-"""Who reaches a live session: names and addresses of hosts.
+"""Who reaches a live session: the checks of Host, Origin and token, and names and addresses of hosts.
 
 Only a browser that was given the address with the token is let in, by a name that a foreign site cannot point here.
 """
@@ -6,7 +6,11 @@ Only a browser that was given the address with the token is let in, by a name th
 from __future__ import annotations
 
 import ipaddress
+import secrets
 import socket
+from typing import Any
+
+from tornado.web import HTTPError, RequestHandler
 
 LOCAL_HOST = "127.0.0.1"
 
@@ -51,3 +55,45 @@ def exposure_warning(host: str) -> str | None:
         " Anyone with the address and its token can watch and control the session. The connection is not encrypted: the"
         " token can be read from the network traffic"
     )
+
+
+class GuardedHandler(RequestHandler):
+    """Refuses every request with a foreign Host or Origin header, or without the token.
+
+    A browser sends an Origin with every handshake of a WebSocket, but not with every request.
+    """
+
+    def initialize(self, page: Any) -> None:
+        """Remembers the page, an `interfaces.live.page.LivePage`."""
+        self._page = page
+
+    def set_default_headers(self) -> None:
+        """Keeps the address with its token out of caches, other sites and frames."""
+        for name, value in (
+            ("Cache-Control", "no-store"),
+            ("Referrer-Policy", "no-referrer"),
+            ("X-Content-Type-Options", "nosniff"),
+            ("Content-Security-Policy", "frame-ancestors 'none'"),
+        ):
+            self.set_header(name, value)
+        self.clear_header("Server")
+
+    def prepare(self) -> None:
+        """Checks the request."""
+        own = f"http://{self.request.host.lower()}"
+        origin = self.request.headers.get("Origin", "" if self.is_handshake() else own)
+        if not is_own_host(self.request.host_name, listens_at=self._page.host):
+            raise HTTPError(403, reason="Forbidden: foreign Host header")
+        if origin.lower() != own:
+            raise HTTPError(403, reason="Forbidden: foreign Origin header")
+        if not secrets.compare_digest(str(self.path_args[0]).encode(), self._page.token.encode()):
+            raise HTTPError(403, reason="Forbidden: missing or wrong token")
+
+    def is_handshake(self) -> bool:
+        """Whether the request is to begin a WebSocket."""
+        return self.request.headers.get("Upgrade", "").lower() == "websocket"
+
+    def write_error(self, status_code: int, **kwargs: object) -> None:
+        """Answers with one line."""
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(f"{status_code} {self._reason}; open the address that the session has printed\n")

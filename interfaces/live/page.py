@@ -16,10 +16,10 @@ from pydrake.common import FindResourceOrThrow
 from tornado.httpserver import HTTPServer
 from tornado.iostream import StreamClosedError
 from tornado.netutil import bind_sockets
-from tornado.web import Application, HTTPError, RequestHandler
+from tornado.web import Application, HTTPError
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from interfaces.live.access import LOCAL_HOST, exposure_warning, is_own_host, page_host
+from interfaces.live.access import LOCAL_HOST, GuardedHandler, exposure_warning, page_host
 from interfaces.live.controls import LiveControls
 from interfaces.live.messages import Outbox
 from interfaces.live.viewer_scene import ViewerScene
@@ -134,48 +134,6 @@ class LivePage:
             await asyncio.sleep(PANEL_PERIOD)
         server.stop()
         await asyncio.sleep(2 * PANEL_PERIOD)  # the handlers send the last values
-
-
-class GuardedHandler(RequestHandler):
-    """Refuses every request with a foreign Host or Origin header, or without the token.
-
-    A browser sends an Origin with every handshake of a WebSocket, but not with every request.
-    """
-
-    def initialize(self, page: LivePage) -> None:
-        """Remembers the page."""
-        self._page = page
-
-    def set_default_headers(self) -> None:
-        """Keeps the address with its token out of caches, other sites and frames."""
-        for name, value in (
-            ("Cache-Control", "no-store"),
-            ("Referrer-Policy", "no-referrer"),
-            ("X-Content-Type-Options", "nosniff"),
-            ("Content-Security-Policy", "frame-ancestors 'none'"),
-        ):
-            self.set_header(name, value)
-        self.clear_header("Server")
-
-    def prepare(self) -> None:
-        """Checks the request."""
-        own = f"http://{self.request.host.lower()}"
-        origin = self.request.headers.get("Origin", "" if self.is_handshake() else own)
-        if not is_own_host(self.request.host_name, listens_at=self._page.host):
-            raise HTTPError(403, reason="Forbidden: foreign Host header")
-        if origin.lower() != own:
-            raise HTTPError(403, reason="Forbidden: foreign Origin header")
-        if not secrets.compare_digest(str(self.path_args[0]).encode(), self._page.token.encode()):
-            raise HTTPError(403, reason="Forbidden: missing or wrong token")
-
-    def is_handshake(self) -> bool:
-        """Whether the request is to begin a WebSocket."""
-        return self.request.headers.get("Upgrade", "").lower() == "websocket"
-
-    def write_error(self, status_code: int, **kwargs: object) -> None:
-        """Answers with one line."""
-        self.set_header("Content-Type", "text/plain; charset=utf-8")
-        self.finish(f"{status_code} {self._reason}; open the address that the session has printed\n")
 
 
 class ValuesHandler(GuardedHandler):

@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 
 from models import Array
 from models.cad.outline import Points, rounded_polygon
-from models.cad.solid import Solid
+from models.cad.solid_file import Solid
 from models.section import KIND, SIZE, SPAN, Section, X, Y, section_of
 
 SAME = 5e-7

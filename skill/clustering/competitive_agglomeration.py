@@ -2,7 +2,8 @@
 
 Large clusters take samples from small ones until the small ones vanish (Frigui and Krishnapuram, Pattern Recognition
 30(7), 1997). The distance is that of fuzzy maximum likelihood (Gath and Geva, IEEE PAMI 11(7), 1989), *normalised for
-each sample*: d^2_ij = 1 / h_ij, where h_ij is the posterior of cluster i. Without competition, the memberships are the
+each sample*: d^2_ij = 1 / h_ij, where h_ij is the posterior of cluster i
+(`skill.clustering.expectation_maximization.posterior_blocks`). Without competition, the memberships are the
 same as for the printed distance. With competition, its strength no longer depends on the few samples of lowest density,
 which make the printed equations collapse to a single cluster.
 """

@@ -7,7 +7,10 @@ from enum import StrEnum
 
 
 class Outcome(StrEnum):
-    """How a demonstration or a rig trial ended; files and tables show the value."""
+    """How a demonstration or a rig trial ended; files and tables show the value.
+
+    A peg is inserted when its tip is as deep as `models.scenario.Scenario.full_depth`.
+    """
 
     INSERTED = "inserted"
     INSERTED_ROUGHLY = "inserted roughly"

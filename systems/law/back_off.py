@@ -1,14 +1,17 @@
-"""The back-off: it draws the peg back when a policy is stuck or does not recognise what it measures."""
+"""The back-off: it draws the peg back when a policy is stuck or does not recognise what it measures.
+
+Turns that make it worse are reversed (`systems.law.turn_reversal`).
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
 from compiled import compiled, numbers_class
 from models.control import BackOffParameters
+from systems.law.turn_reversal import TurnWatch, turn_reversal_step
 
 BackOffNumbers = numbers_class("BackOffNumbers", BackOffParameters, __name__)
 """`models.control.BackOffParameters` for compiled functions."""
@@ -35,12 +38,7 @@ class BackOffState(NamedTuple):
         best: largest depth at which an attempt ended, m.
         contact_state: number of the contact state in which the last attempt ended; -1 before the first.
         repeats: attempts in a row that ended like the one before.
-        reversing: 1 if the turns of the policy are reversed, else 0.
-        changes: how often that has changed within the present attempt.
-        reversed_at: depth where the turns were last reversed, m.
-        watch_pitch, watch_yaw, watch_side, watch_depth: what was measured at the last sign that the present turns help,
-            or do no harm: commanded angles of the hole, rad, lateral force, N, and depth of the tip, m.
-        watch_time: time since then, s.
+        watch: of the turns.
     """
 
     mode: float = 0.0
@@ -50,14 +48,7 @@ class BackOffState(NamedTuple):
     best: float = -1.0
     contact_state: float = -1.0
     repeats: float = 0.0
-    reversing: float = 0.0
-    changes: float = 0.0
-    reversed_at: float = 0.0
-    watch_pitch: float = 0.0
-    watch_yaw: float = 0.0
-    watch_side: float = 0.0
-    watch_depth: float = -1.0
-    watch_time: float = 0.0
+    watch: TurnWatch = TurnWatch()
 
 
 def attempts_text(state: BackOffState, names: Sequence[str]) -> str:
@@ -118,13 +109,9 @@ def back_off_step(
     turns the other way, and so do those that follow while each is deeper, at any depth. Near the mouth the same force
     can ask for opposite turns, so that the other way is the likeliest remedy.
 
-    Within a later attempt, turns that make it worse are noticed sooner. The lateral force rises with a turn the wrong
-    way, and the peg does not go deeper. If it has risen by ``worse_force`` while the hole turned by ``worse_turn`` in
-    at least ``worse_time``, all since the depth has last grown by ``worse_depth`` or the force was last as low, the
-    turns are reversed at once, and the time without progress begins anew (``max_repeats`` times in an attempt). The end
-    of an attempt in which the turns were reversed does not reverse them again. In the first attempt few turns are
-    wrong, and most such signs would be false. A reversal is a remedy for the place where the peg was stuck: when the
-    peg is deeper by ``reversal_depth``, the turns are those of the policy again.
+    Within a later attempt, turns that make it worse are noticed sooner and reversed at once (`turn_reversal_step`), and
+    the time without progress begins anew (``max_repeats`` times in an attempt). The end of an attempt in which the
+    turns were reversed does not reverse them again.
 
     An attempt repeats the one before if it is not deeper and ended in the same contact state. After ``max_repeats``
     repetitions, and the back-off that follows, the policy has nothing new to try and gives up.
@@ -144,32 +131,20 @@ def back_off_step(
         side: lateral force, N.
     """
     contact_state = float(contact_state)
-    mode, elapsed, anchor, doubt, best, last_contact, repeats, reversing, changes, reversed_at = state[:10]
-    watch_pitch, watch_yaw, watch_side, watch_depth, watch_time = state[10:]
+    mode, elapsed, anchor, doubt, best, last_contact, repeats, watch = state
     if mode == BACKING_OFF:
         risen = anchor - depth
         if not (risen >= p.distance or elapsed >= p.time):
             stuck = elapsed >= 0.5 * p.time and risen < p.stall_depth
-            state = BackOffState(
-                mode, elapsed + period, anchor, doubt, best, last_contact, repeats, reversing, changes, reversed_at,
-                watch_pitch, watch_yaw, watch_side, watch_depth, watch_time,
-            )  # fmt: skip
+            state = BackOffState(mode, elapsed + period, anchor, doubt, best, last_contact, repeats, watch)
             return BackOffDecision(state, p.retract_speed, 0.0, stuck, False)
         if repeats >= p.max_repeats:
             return BackOffDecision(state, 0.0, 0.0, False, True)
         mode, elapsed, anchor, doubt = WORKING, 0.0, depth, 0.0
-    # In the first attempt few turns are wrong.
-    turned = math.hypot(pitch - watch_pitch, yaw - watch_yaw) >= p.worse_turn and watch_time >= p.worse_time
-    if depth >= watch_depth + p.worse_depth or side <= watch_side:
-        watch_pitch, watch_yaw, watch_side, watch_depth, watch_time = pitch, yaw, side, depth, 0.0
-    elif last_contact >= 0.0 and turned and side - watch_side >= p.worse_force:
-        elapsed = 0.0 if changes < p.max_repeats else elapsed
-        changes, reversing, reversed_at = changes + 1.0, 1.0 - reversing, depth
-        watch_pitch, watch_yaw, watch_side, watch_depth, watch_time = pitch, yaw, side, depth, 0.0
-    else:
-        watch_time += period
-    if reversing != 0.0 and depth >= reversed_at + p.reversal_depth:
-        reversing = 0.0
+    before = watch.changes
+    watch, is_worse = turn_reversal_step(p, watch, period, depth, pitch, yaw, side, last_contact < 0.0)
+    if is_worse and before < p.max_repeats:
+        elapsed = 0.0
     doubt = 0.0 if known and support >= 1.0 else doubt + period
     if depth - anchor >= p.stall_depth:
         elapsed, anchor = 0.0, depth
@@ -179,18 +154,13 @@ def back_off_step(
     if overloaded or (pushing and (elapsed > p.stall_time or doubt > p.doubt_time)):  # the attempt is over
         deeper = depth >= best + p.stall_depth
         repeats = repeats + 1.0 if not deeper and contact_state == last_contact else 0.0
-        if not deeper and changes == 0.0:
-            reversing, reversed_at = 1.0 - reversing, depth
+        is_reversed = not deeper and watch.changes == 0.0
+        reversing = 1.0 - watch.reversing if is_reversed else watch.reversing
+        fresh = TurnWatch(reversing, 0.0, depth if is_reversed else watch.reversed_at, 0.0, 0.0, 0.0, -1.0, 0.0)
         best = depth if deeper else best
-        ended = BackOffState(
-            BACKING_OFF, 0.0, depth, 0.0, best, contact_state, repeats, reversing, 0.0, reversed_at,
-            0.0, 0.0, 0.0, -1.0, 0.0,
-        )  # fmt: skip
+        ended = BackOffState(BACKING_OFF, 0.0, depth, 0.0, best, contact_state, repeats, fresh)
         return BackOffDecision(ended, p.retract_speed, 0.0, False, False)
     if pushing:
         feed_speed *= support if known else support * p.unknown_feed
-    state = BackOffState(
-        mode, elapsed, anchor, doubt, best, last_contact, repeats, reversing, changes, reversed_at,
-        watch_pitch, watch_yaw, watch_side, watch_depth, watch_time,
-    )  # fmt: skip
-    return BackOffDecision(state, feed_speed, -1.0 if reversing != 0.0 else 1.0, False, False)
+    state = BackOffState(mode, elapsed, anchor, doubt, best, last_contact, repeats, watch)
+    return BackOffDecision(state, feed_speed, -1.0 if watch.reversing != 0.0 else 1.0, False, False)

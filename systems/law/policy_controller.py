@@ -17,6 +17,7 @@ from skill.policy.rig_policy import Action, RigPolicy
 from skill.states.estimate import Estimate
 from systems.law.back_off import BackOffNumbers, BackOffState, attempts_text, back_off_step
 from systems.law.faults import error_summary
+from systems.law.turn_reversal import TurnWatch
 
 if TYPE_CHECKING:  # a scenario needs Drake
     from models.scenario import Scenario
@@ -89,14 +90,15 @@ class ControllerState(NamedTuple):
 
     def as_list(self) -> list[float]:
         """Returns the numbers of the discrete state."""
-        return [*self[:-1], *self.back_off]
+        return [*self[:-1], *self.back_off[:-1], *self.back_off.watch]
 
     @classmethod
     def from_vector(cls, values: Array) -> Self:
         """Inverts `as_list`."""
         numbers = values.tolist()
-        own = len(cls._fields) - 1
-        return cls._make([*numbers[:own], BackOffState(*numbers[own:])])
+        own, watch = len(cls._fields) - 1, len(TurnWatch._fields)
+        back_off = BackOffState(*numbers[own:-watch], TurnWatch(*numbers[-watch:]))
+        return cls._make([*numbers[:own], back_off])
 
     def stopped(self) -> Self:
         """Returns the state in which nothing is commanded."""

@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from models.cad.pair import ANGLES, fit
-from models.cad.part_file import part_text, remarks, scenario_of
-from models.cad.solid import read_solid
+from models.cad.scenario_file import part_text, remarks, scenario_of
+from models.cad.solid_file import read_solid
 from models.scenario import load_scenario
 from models.section import section_of
 from tests.models.cad.bodies import block, circle, lofted, peg, save

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from models.control import BackOffParameters
 from systems.law.back_off import BackOffMode, BackOffNumbers, BackOffState, back_off_step
+from systems.law.turn_reversal import TurnWatch
 
 P = BackOffNumbers(*vars(BackOffParameters()).values())
 FEED = -0.01
@@ -24,7 +25,8 @@ CALM = {
 
 
 def step(state, *, feed=FEED, **measured):
-    floats = BackOffState(*map(float, state))  # one type of each number, for which the step is compiled once
+    # One type of each number, for which the step is compiled once.
+    floats = BackOffState(*map(float, state[:-1]), TurnWatch(*map(float, state.watch)))
     return back_off_step(P, floats, period=0.02, feed_speed=feed, **{**CALM, **measured})
 
 
@@ -129,7 +131,7 @@ def test_a_peg_that_is_pushed_deeper_has_not_backed_off():
 
 def test_the_first_measurement_counts_as_progress_at_any_depth():
     """The first anchor is 1 m above the mouth, so that the time since progress begins with the run."""
-    assert list(BackOffState())[:8] == [0.0, 0.0, -1.0, 0.0, -1.0, -1.0, 0.0, 0.0]
+    assert BackOffState()[:7] == (0.0, 0.0, -1.0, 0.0, -1.0, -1.0, 0.0)
     state = step(BackOffState(), depth=-0.05).state
     assert (state.anchor, state.elapsed) == (-0.05, 0.0)
 
@@ -233,7 +235,7 @@ def test_in_the_first_attempt_nothing_is_a_sign():
 def test_the_rise_counts_from_the_lowest_force():
     """A force that falls by 20 N and then rises by 10 N is noticed."""
     state = turned(rise=-20.0, time=0.1)[-1].state
-    start = state.watch_side
+    start = state.watch.side
     for k in range(21):
         decision = step(state, depth=0.005, pitch=0.03 + 0.001 * k, yaw=0.3, side=start + 0.5 * k)
         state = decision.state
@@ -243,17 +245,17 @@ def test_the_rise_counts_from_the_lowest_force():
 def test_an_attempt_in_which_the_turns_were_reversed_is_not_reversed_again_at_its_end():
     state = attempt(BackOffState(), depth=0.005).state
     state = turned(state=state)[-1].state
-    assert state.reversing == state.changes == 1.0
+    assert state.watch.reversing == state.watch.changes == 1.0
     state = attempt(state, depth=0.005).state
-    assert (state.reversing, state.changes) == (1.0, 0.0)
-    assert attempt(state, depth=0.005).state.reversing == 0.0
+    assert (state.watch.reversing, state.watch.changes) == (1.0, 0.0)
+    assert attempt(state, depth=0.005).state.watch.reversing == 0.0
 
 
 @pytest.mark.parametrize("reverse", [turned, lambda: [attempt(later(), depth=0.003)]])
 def test_a_reversal_ends_where_the_peg_is_deeper_by_the_reversal_depth(reverse):
     state = reverse()[-1].state
-    assert state.reversing == 1.0
-    start, turning = state.reversed_at, []
+    assert state.watch.reversing == 1.0
+    start, turning = state.watch.reversed_at, []
     for gain in (0.0, 0.6 * P.reversal_depth, 0.99 * P.reversal_depth, 1.01 * P.reversal_depth, 0.5 * P.reversal_depth):
         decision = step(state, depth=start + gain)
         state = decision.state
@@ -264,12 +266,12 @@ def test_a_reversal_ends_where_the_peg_is_deeper_by_the_reversal_depth(reverse):
 
 def test_a_new_attempt_is_not_judged_by_the_force_of_the_last():
     state = attempt(BackOffState(), depth=0.005).state
-    assert (state.watch_depth, state.watch_time) == (pytest.approx(0.005 - 1.1 * P.distance), 0.0)
+    assert (state.watch.depth, state.watch.time) == (pytest.approx(0.005 - 1.1 * P.distance), 0.0)
 
 
 def test_an_attempt_whose_turns_are_reversed_again_and_again_ends():
     """A force that rises in either direction of the turn must not keep the peg in place for ever."""
     for changes, elapsed in ((P.max_repeats - 1, 0.2), (P.max_repeats, 0.4)):
-        decisions = turned(state=later()._replace(changes=changes, elapsed=0.0, anchor=0.005))
+        decisions = turned(state=later()._replace(watch=TurnWatch(changes=changes), elapsed=0.0, anchor=0.005))
         assert decisions[-1].turning == -1.0
         assert decisions[-1].state.elapsed == pytest.approx(elapsed, abs=0.03)

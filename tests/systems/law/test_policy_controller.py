@@ -11,6 +11,7 @@ from skill.features.measurement import MEASURED
 from skill.policy.rig_policy import Action
 from systems.law.back_off import BackOffState
 from systems.law.policy_controller import ControllerLimits, ControllerState, PolicyController
+from systems.law.turn_reversal import TurnWatch
 from tests.stepping import fixed_context, update_unrestricted
 
 RADIUS = 0.01
@@ -81,7 +82,7 @@ def test_the_hole_turns_opposite_to_the_action_and_the_feed_has_its_speed(skill,
 def test_the_turn_about_the_axis_is_limited_and_never_reversed(skill, measurements, turning):
     action = Action(turn=np.zeros(2), feed=0.0, spin=1e-3)
     dut, context, _ = controller(FixedPolicy(skill, action), measurements[0])
-    state = ControllerState(back_off=BackOffState(reversing=float(turning < 0.0)))
+    state = ControllerState(back_off=BackOffState(watch=TurnWatch(float(turning < 0.0))))
     context.SetDiscreteState(state.as_list())
     assert step(dut, context)["clocking_rate"] == pytest.approx(-GENTLE.gain * 1e-3 / skill.period_)
     assert dut.GetOutputPort("turning").Eval(context)[0] == turning
