@@ -97,7 +97,7 @@ class ControllerState(NamedTuple):
         """Inverts `as_list`."""
         numbers = values.tolist()
         own, watch = len(cls._fields) - 1, len(TurnWatch._fields)
-        back_off = BackOffState(*numbers[own:-watch], TurnWatch(*numbers[-watch:]))
+        back_off = BackOffState._make([*numbers[own:-watch], TurnWatch._make(numbers[-watch:])])
         return cls._make([*numbers[:own], back_off])
 
     def stopped(self) -> Self:
