@@ -7,7 +7,7 @@ import pytest
 from benchmarks import throughput
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_loop_is_the_diagram_and_faster(tmp_path):
     throughput.main(trials=4, compared=2, json=tmp_path / "found.json")
     found = json.loads((tmp_path / "found.json").read_text())

@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 
 import pytest
 from typer.testing import CliRunner
@@ -35,25 +36,35 @@ def test_an_arm_that_does_not_answer_is_named(tmp_path):
     assert not (tmp_path / "arm").exists()
 
 
-@pytest.mark.slow
-def test_an_insertion_is_served_performed_and_recorded(tmp_path):
+@contextmanager
+def served(tmp_path):
+    """Address of a simulated arm, and of its sensor; at the end the arm is stopped."""
     host = loopback_address()
-    serve = ["-m", "haptic_skill", "twin", "fr3", "--host", host, "--speed", "0.5"]
-    serve += ["--json", str(tmp_path / "twin.json")]
+    serve = ["-m", "haptic_skill", "twin", "fr3", "--host", host, "--json", str(tmp_path / "twin.json")]
     twin = subprocess.Popen([sys.executable, *serve], stdout=subprocess.PIPE, text=True)
     try:
-        url = re.search(r"its sensor at (\S+);", twin.stdout.readline())[1]
-        dry = run("--address", host, "--sensor", url, "--dry-run", "--yes")
-        assert dry.exit_code == 0, dry.output
-        assert re.search(r"dry run, 60 mm above the hole: inserted after", dry.output)
-        done = run("--address", host, "--sensor", url, "--trials", 1, "--yes", "--out", tmp_path / "arm")
-        assert done.exit_code == 0, done.output
+        yield host, re.search(r"its sensor at (\S+);", twin.stdout.readline())[1]
     finally:
         twin.send_signal(signal.SIGINT)
         assert twin.wait(10.0) == 130
+
+
+@pytest.mark.slow
+def test_an_insertion_is_served_performed_and_recorded(tmp_path):
+    with served(tmp_path) as (host, url):
+        done = run("--address", host, "--sensor", url, "--trials", 1, "--yes", "--out", tmp_path / "arm")
+        assert done.exit_code == 0, done.output
     (result,) = json.loads((tmp_path / "arm" / "results.json").read_text())
     (hole,) = json.loads((tmp_path / "twin.json").read_text())
     assert result["inserted"]
     assert hole["inserted"]
     assert hole["depth_mm"] == pytest.approx(result["depth_mm"], abs=0.5)  # the tip bends by its load, and goes on
     assert (tmp_path / "arm" / "run_0000.parquet").exists()
+
+
+@pytest.mark.nightly
+def test_a_dry_run_moves_above_the_hole(tmp_path):
+    with served(tmp_path) as (host, url):
+        dry = run("--address", host, "--sensor", url, "--dry-run", "--yes")
+    assert dry.exit_code == 0, dry.output
+    assert re.search(r"dry run, 60 mm above the hole: inserted after", dry.output)
