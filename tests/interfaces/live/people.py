@@ -9,7 +9,7 @@ from tests.interfaces.live.live_session import text_of, wait_for_text
 STEP = 0.1  # of a press of an arrow, degrees
 TOUCH, GENTLE, ROUGH = 1.0, 6.0, 15.0  # contact load that is a touch, that is held, and that is too much, N
 FASTEST = 3  # presses of an arrow in a tenth of a second
-DEADLINE = 40.0  # in units of s, for a demonstration
+DEADLINE = 150.0  # in units of s, for a demonstration; a busy machine is slower than real time
 
 
 def tap(page, keys):
