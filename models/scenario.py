@@ -84,7 +84,7 @@ def load_scenario(
     """Reads a scenario from a file.
 
     Args:
-        name: Name of a scenario in ``models/scenarios``, or path of a YAML file.
+        name: Name of a scenario in ``models/scenarios``, or path of a YAML file, with its suffix.
         engine: One of `ENGINES`, in place of the scenario's; None keeps that.
         defaults: Values of the keys that are missing in the file, or what follows from them at another geometry (see
             `models.clearance`); it is not changed. None: those of `Scenario`.
@@ -94,7 +94,7 @@ def load_scenario(
         OSError: If the file cannot be read.
     """
     path = Path(name)
-    if path.suffix != ".yaml":
+    if not path.suffix:
         path = SCENARIO_FOLDER / f"{name}.yaml"
     if not path.is_file():
         known = sorted(p.stem for p in SCENARIO_FOLDER.glob("*.yaml"))

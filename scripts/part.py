@@ -48,6 +48,8 @@ def main(
     picture = out.with_suffix(".png")
     check_file(out, ".yaml")
     check_file(picture, ".png")
+    if picture.exists() and not out.exists():
+        raise ValueError(f"--out {out}: its picture would replace {picture}; choose another --out")
     found = fit(read_solid(peg, unit), read_solid(hole, unit))
     text = part_text(found)
     write_atomically(out, text.encode())

@@ -24,7 +24,7 @@ CONTENTS = {
     ".json": ("a JSON file", rb"[\[{]"),
     ".png": ("a PNG picture", rb"\x89PNG\r\n\x1a\n"),
     ".svg": ("an SVG picture", rb"<\?xml|<svg"),
-    ".yaml": ("a scenario", rb"#|[a-z_]+:"),
+    ".yaml": ("a scenario of a measured part", rb"# A part that `haptic-skill part` has measured\."),
     ".csv": ("a table of states", rb"trial,time,state,probability\r?\n"),
     ".md": ("a scoreboard in Markdown", rb"# Scoreboard"),
     ".mcap": ("a log (MCAP)", rb"\x89MCAP0\r\n"),

@@ -106,6 +106,10 @@ def _group(found: Fit) -> str:
     return turns if section.mirror is None else f"{turns}, and a mirror plane at {math.degrees(section.mirror):.1f} deg"
 
 
+HEADER = "A part that `haptic-skill part` has measured."
+"""First line of the file, by which a file is known that may be replaced."""
+
+
 def part_text(found: Fit) -> str:
     """Returns the text of the scenario file: remarks, and the keys that differ from the nominal scenario.
 
@@ -131,4 +135,4 @@ def part_text(found: Fit) -> str:
     if own.trial.full_depth_margin != nominal.trial.full_depth_margin:
         document["trial"] = {"full_depth_margin": own.trial.full_depth_margin}
     text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
-    return "".join(f"# {line}\n" for line in remarks(found)) + text
+    return "".join(f"# {line}\n" for line in (HEADER, *remarks(found))) + text
