@@ -126,7 +126,8 @@ def _read_mesh(path: Path, scale: float) -> Any:
     import cascadio
     import trimesh
 
-    path.open("rb").close()  # an OSError that names the file
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no such file; expected a body in a STEP or STL file")
     try:
         if path.suffix.lower() in STEP_SUFFIXES:
             with tempfile.TemporaryDirectory() as folder:
