@@ -99,10 +99,10 @@ def surface_pieces(section: Section, *, inside: bool) -> Array:
 RIM_PIECES, OUTER_PIECES, INNER_PIECES, WALLS, SIDES = range(5)
 """The outlines of a mate: the three curves, and the pieces of the hole and of the peg that the other can touch."""
 
-TIP, MOUTH, RADIUS, CLEARANCE, DEPTH, INSIDE, MATE_COLUMNS = slice(0, 3), slice(3, 6), 6, 7, 8, 9, 12
-"""Columns of a mate: the centre of its tip in P and of its mouth in H, the outer radius of the peg, the distance of the
-outlines of peg and hole, the depth of the floor below the mouth, and the smallest distances of the three curves from
-their axis, m."""
+RADIUS, CLEARANCE, DEPTH, INSIDE = 6, 7, 8, 9
+"""Columns of a mate, after the centres of its tip in P and of its mouth in H (3 each): the outer radius of the peg, the
+distance of the outlines of peg and hole, the depth of the floor below the mouth, and the smallest distances of the
+three curves from their axis, m."""
 
 BOX = 8
 """The first of the four columns of a piece that follow those of `models.section`: its smallest x and y, and its largest
@@ -130,7 +130,7 @@ class Bodies(NamedTuple):
     on. Outline g of mate i begins at entry g k + i of ``outlines``, and ends where the next one begins.
 
     Attributes:
-        mates: (k, MATE_COLUMNS).
+        mates: (k, 12), see `RADIUS`.
         pieces: (n, 12), of all outlines.
         samples: (5, m), of the pieces of the curves: place, which is an angle (rad) on an arc, or the distance along a
             segment; two coordinates; and their derivatives by the place.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from compiled import compiled
 from models.contact_bodies import Bodies
-from models.exact_geometry import NORMAL, POINT, deepest_overlap
+from models.exact_geometry import NORMAL, POINT, deepest_overlap, pose_of
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import Outcome
@@ -310,8 +310,7 @@ def look(rig: RigNumbers, state: RigState, shown: Observation) -> Contacts:
     p[2] += m.pivot
     points, normals = nearby[:found, POINT].copy(), nearby[:found, NORMAL].copy()
     count, contacts = join_contacts(points, normals, forces[:found], R, p, tip[2], rig.bodies.chamfer)
-    pose = (tip[0], tip[1], tip[2], R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2])
-    return Contacts(count, contacts, deepest_overlap(rig.bodies, pose))
+    return Contacts(count, contacts, deepest_overlap(rig.bodies, pose_of(tip, R.T)))
 
 
 @compiled

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from benchmarks.headless_browser import headless_browser
+from tests.headless_browser import headless_browser
 
 
 @dataclass
@@ -78,7 +78,7 @@ shared = ExitStack()
 @cache
 def shared_browser() -> Any:
     """Starts the browser in which each page is a tab."""
-    return shared.enter_context(headless_browser("about:blank", logs=True))
+    return shared.enter_context(headless_browser("about:blank"))
 
 
 @contextmanager
@@ -96,7 +96,7 @@ def open_page(
     """
     address = (path if isinstance(path, str) else Path(path).resolve().as_uri()) + fragment
     if flags is not None:
-        with headless_browser(address, size=size, flags=flags, logs=True) as driver:
+        with headless_browser(address, size=size, flags=flags) as driver:
             yield Page(driver)
         return
     driver = shared_browser()

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from experiments.trial.diagram_trial import kept_rig, run_rig
+from experiments.trial.ended_trial import EndedTrial
 from experiments.trial.loop_trial import rolled_out
 from experiments.trial.trial_result import TrialResult
 from experiments.trial.trial_set import TrialSet, trial_scenario
@@ -37,7 +38,7 @@ def run_trial(scenario: Scenario, skill: RigPolicy, *, seed: int) -> tuple[Trial
     Raises:
         ValueError: if the policy was made for another peg or hole.
     """
-    ended = rolled_out(scenario, skill, number=seed) or run_rig(MakeRig(scenario, skill), scenario, seed=seed)
+    ended = _ended(scenario, skill, number=seed, cell=None)
     return ended.result, ended.record(skill)
 
 
@@ -57,6 +58,13 @@ def perform_trial(
         ValueError: if the scenario has no such trial, or the policy was made for another peg or hole.
     """
     drawn = trial_scenario(scenario, number=number, trial_set=trial_set)
-    ended = rolled_out(drawn, policy, number=number)
-    ended = ended or run_rig(kept_rig(cell, drawn, policy), drawn, seed=number)
-    return drawn, ended.result
+    return drawn, _ended(drawn, policy, number=number, cell=cell).result
+
+
+def _ended(scenario: Scenario, policy: RigPolicy, *, number: int, cell: object | None) -> EndedTrial:
+    """Performs a resolved trial by the loop if it can, else by a diagram: that of the cell, or a new one."""
+    ended = rolled_out(scenario, policy, number=number)
+    if ended is not None:
+        return ended
+    rig = MakeRig(scenario, policy) if cell is None else kept_rig(cell, scenario, policy)
+    return run_rig(rig, scenario, seed=number)

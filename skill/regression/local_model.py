@@ -140,6 +140,18 @@ def weighted_output(kernel: Array, y: Array, rows: NDArray[np.intp]) -> Array:
 
 
 @compiled
+def local_model(p: RegressionNumbers, query: Array, q: Array) -> tuple[NDArray[np.intp], Array, Array, float, float]:
+    """Returns rows, weights and equivalent kernel (k,) of the samples at one query, the ridge and the log weight.
+
+    Weights and ridge are divided by the greatest weight, whose logarithm is the last value; see `local_prediction`.
+    """
+    rows, log_w = neighbourhood(p, query, q)
+    weights, log_w_max, ridge = scaled_weights(log_w, p.ridge)
+    kernel = equivalent_kernel(query, p.search.points[rows], weights, ridge, p.degree)
+    return rows, weights, kernel, ridge, log_w_max
+
+
+@compiled
 def local_prediction(p: RegressionNumbers, query: Array, q: Array) -> tuple[Array, NDArray[np.intp], Array, float]:
     """Returns the prediction (p,) at one query, and rows (k,), weights (k,) and greatest log weight of its samples.
 
@@ -148,9 +160,7 @@ def local_prediction(p: RegressionNumbers, query: Array, q: Array) -> tuple[Arra
         query: (d,), scaled features.
         q: (K,), contact-state probabilities of the query.
     """
-    rows, log_w = neighbourhood(p, query, q)
-    weights, log_w_max, ridge = scaled_weights(log_w, p.ridge)
-    kernel = equivalent_kernel(query, p.search.points[rows], weights, ridge, p.degree)
+    rows, weights, kernel, _, log_w_max = local_model(p, query, q)
     return weighted_output(kernel, p.y, rows), rows, weights, log_w_max
 
 
@@ -177,10 +187,8 @@ def predictions_with_uncertainty(p: RegressionNumbers, queries: Array, Q: Array)
 
 def _with_uncertainty(p: RegressionNumbers, query: Array, q: Array) -> tuple[Array | float, ...]:
     """Returns the attributes of `LocalPrediction` at one query."""
-    rows, log_w = neighbourhood(p, query, q)
-    weights, log_w_max, ridge = scaled_weights(log_w, p.ridge)
+    rows, weights, kernel, ridge, log_w_max = local_model(p, query, q)
     x, y = p.search.points[rows], p.y[rows]
-    kernel = equivalent_kernel(query, x, weights, ridge, p.degree)
     total = weights.sum()
     normalised = weights / total
     centred = x - normalised @ x

@@ -21,7 +21,7 @@ from pydrake.systems.framework import (
 from compiled import compiled
 from models import Array
 from models.contact_bodies import Bodies
-from models.exact_geometry import CONTACTS, GAP, MAX_CONTACTS, NORMAL, POINT, SURFACE, find_contacts
+from models.exact_geometry import CONTACTS, GAP, MAX_CONTACTS, NORMAL, POINT, SURFACE, find_contacts, pose_of
 from models.scenario import Scenario
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.contact_plant import AddRigPlant
@@ -153,9 +153,8 @@ def tip_in_hole(m: Mechanics, q: Array) -> tuple[Array, Array]:
 def rig_contacts(bodies: Bodies, m: Mechanics, q: Array, contacts: Array) -> int:
     """Finds the contacts at positions (6,); their points and normals are in W. Returns how many there are."""
     R, tip = tip_in_hole(m, q)
-    # The peg does not turn in W; its x and y axes in H are two rows of R_WH.
-    pose = (tip[0], tip[1], tip[2], R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2])
-    count = find_contacts(bodies, pose, contacts)
+    # The peg does not turn in W, so that R_HP is the transpose of R_WH.
+    count = find_contacts(bodies, pose_of(tip, R.T), contacts)
     for i in range(count):
         contacts[i, 3] -= m.pivot
         turn(R, contacts, i, 1)

@@ -212,6 +212,11 @@ def test_the_error_for_an_unknown_scenario_lists_the_known_ones():
         load_scenario(Path("nowhere.yaml"))
 
 
+def test_a_scenario_file_may_have_any_suffix(tmp_path):
+    (tmp_path / "mine.yml").write_text("geometry: {peg_radius: 0.009, hole_radius: 0.00905}\n")
+    assert load_scenario(tmp_path / "mine.yml").geometry.peg_radius == 0.009
+
+
 @pytest.mark.parametrize(("fixture", "minimum"), [("free", 63), ("rig", 23), ("axial", 23)])
 def test_the_minimum_number_of_facets_is_that_of_the_fixture(fixture, minimum):
     scenario = Scenario(fixture=fixture)

@@ -31,15 +31,14 @@ LOGS = {"browser": "ALL", "performance": "ALL"}
 
 @contextmanager
 def headless_browser(
-    address: str, *, size: tuple[int, int] = (1280, 720), flags: tuple[str, ...] = (), logs: bool = False
+    address: str, *, size: tuple[int, int] = (1280, 720), flags: tuple[str, ...] = ()
 ) -> Iterator[Any]:
-    """Yields selenium's driver of a browser that shows a page.
+    """Yields selenium's driver of a browser that shows a page; it keeps console messages and requests.
 
     Args:
         address: of the page.
         size: width and height of the window, pixels.
         flags: more flags of the browser's command line.
-        logs: whether the driver keeps the messages of the console and the requests of the page.
 
     Raises:
         ModuleNotFoundError: if selenium is not installed.
@@ -58,8 +57,7 @@ def headless_browser(
         options.binary_location = chromium
         for flag in (*FLAGS, *flags, f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}"):
             options.add_argument(flag)
-        if logs:
-            options.set_capability("goog:loggingPrefs", LOGS)
+        options.set_capability("goog:loggingPrefs", LOGS)
         driver = webdriver.Chrome(options=options, service=Service(chromedriver))
         try:
             driver.set_page_load_timeout(60)
