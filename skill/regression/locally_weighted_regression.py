@@ -20,10 +20,9 @@ from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.regression.leave_one_out import best_bandwidth
 from skill.regression.local_model import (
     LocalPrediction,
-    equivalent_kernel,
+    local_model,
     local_predictions,
     predictions_with_uncertainty,
-    scaled_weights,
 )
 from skill.regression.neighbourhood import RegressionNumbers, SearchNumbers, check_memberships, neighbourhood
 from skill.regression.protocols import Explanation
@@ -186,6 +185,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         Args:
             groups: (n,), the demonstration of each sample of ``X_``; at least two.
         """
+        check_is_fitted(self)
         _, group, sizes = np.unique(np.asarray(groups), return_inverse=True, return_counts=True)
         p, best = self.numbers(), np.empty(len(self.X_))
         p = p._replace(k=min(p.k + int(sizes.max()), len(best)))
@@ -206,9 +206,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         p, queries, Q = self._queries(np.asarray(x, dtype=float)[None], q)
         local = predictions_with_uncertainty(p, queries, Q)
         lower, upper = local.interval(level)
-        found, log_w = neighbourhood(p, queries[0], Q[0])
-        weights, log_w_max, ridge = scaled_weights(log_w, p.ridge)
-        influence = equivalent_kernel(queries[0], p.search.points[found], weights, ridge, p.degree)
+        found, weights, influence, _, log_w_max = local_model(p, queries[0], Q[0])
         order = np.argsort(-weights, kind="stable")
         order = order[weights[order] > 0]
         return Explanation(
@@ -225,7 +223,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
 
     def numbers(self, *, with_states: bool = True) -> RegressionNumbers:
         """The fitted estimator for compiled functions, with its contact states or without them."""
-        check_is_fitted(self)
         n = len(self.X_)
         return RegressionNumbers(
             search=self._search if with_states else self._stateless,
