@@ -18,7 +18,7 @@ SCENARIO = {
     **QUICK,
     "device": "inverse3",
     "start": {**QUICK["start"], "height": 2e-3},  # the hand may swing up by as much before the peg is given up
-    "coupling": {**QUICK["coupling"], "force_scale": 0.1, "torque_scale": 0.0},
+    "coupling": {**QUICK["coupling"], "force_scale": 0.13, "torque_scale": 0.0},
 }
 
 
