@@ -197,10 +197,6 @@ class Bodies(NamedTuple):
             law=ContactLaw(0.0, 0.0, 0.0),
         )
 
-    def with_friction(self, friction: float) -> Self:
-        """Returns the same bodies with another coefficient of friction."""
-        return self._replace(law=self.law._replace(friction=friction))
-
 
 def samples_of(piece: Array, pieces: int) -> Array:
     """Returns the samples (n, 5) of a piece, see `Bodies`, of an outline with so many pieces."""

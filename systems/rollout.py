@@ -130,7 +130,7 @@ class RigNumbers(NamedTuple):
         """Returns the rig of a trial that differs only in what `resolve_scenario` draws."""
         angles = start_angles(trial)
         return self._replace(
-            bodies=self.bodies.with_friction(trial.contact.friction),
+            bodies=self.bodies._replace(law=self.bodies.law._replace(friction=trial.contact.friction)),
             mechanics=self.mechanics._replace(pivot=float(trial.rig.pivot_height or 0.0)),
             start=np.array([self.home + trial.start.height, *angles, *[0.0] * (3 - len(angles))]),
         )

@@ -21,10 +21,11 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Annotated, Any
 
 import pytest
@@ -217,23 +218,29 @@ def main(
 ) -> None:
     """Draws the mutants, or takes the survivors of an earlier report, tries them and prints those that survive."""
     mutants = survivors_of(again) if again else draw(number, seed, rooms or ())
-    noticed = [False] * len(mutants)
-    with tempfile.TemporaryDirectory() as name, progress("mutants", len(mutants)) as advance:
+    rows: list[dict[str, Any]] = []
+    trees: SimpleQueue[Path] = SimpleQueue()
+    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(jobs) as pool:
+        for k in range(jobs):
+            trees.put(copy_checkout(Path(name) / str(k)))
 
-        def work(k: int) -> None:
-            tree = copy_checkout(Path(name) / str(k))
-            for n in range(k, len(mutants), jobs):
-                noticed[n] = is_noticed(mutants[n], tree)
-                if not noticed[n]:
-                    say(f"survived: {mutants[n].file}:{mutants[n].line} {mutants[n].change}")
-                advance(f"{sum(noticed)} noticed")
+        def attempt(mutant: Mutant) -> dict[str, Any]:
+            tree = trees.get()
+            try:
+                return {**asdict(mutant), "noticed": is_noticed(mutant, tree)}
+            finally:
+                trees.put(tree)
 
-        with ThreadPoolExecutor(jobs) as pool:
-            list(pool.map(work, range(jobs)))
-    say(f"{sum(noticed)} of {len(mutants)} mutants noticed")
-    if json is not None:
-        rows = [{**asdict(m), "noticed": v} for m, v in zip(mutants, noticed, strict=True)]
-        write_json(json, {"seed": seed, "noticed": sum(noticed), "mutants": rows})
+        with progress("mutants", len(mutants)) as advance:
+            for done in as_completed([pool.submit(attempt, mutant) for mutant in mutants]):
+                rows.append(row := done.result())
+                noticed = sum(row["noticed"] for row in rows)
+                if not row["noticed"]:
+                    say(f"survived: {row['file']}:{row['line']} {row['change']}")
+                advance(f"{noticed} noticed")
+                if json is not None:  # after each, so that a run that is ended keeps what it found
+                    write_json(json, {"seed": seed, "noticed": noticed, "mutants": rows})
+    say(f"{sum(row['noticed'] for row in rows)} of {len(rows)} mutants noticed")
 
 
 if __name__ == "__main__":

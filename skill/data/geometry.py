@@ -67,7 +67,7 @@ class PegHoleGeometry:
         """
         geometry = cls.find(metadata, where)
         if geometry is None:
-            raise ValueError(f"{where}: no geometry in the metadata; expected the sizes {_names()}")
+            raise ValueError(f"{where}: no geometry in the metadata; expected the sizes {list(SIZES)}")
         return geometry
 
     @classmethod
@@ -77,11 +77,11 @@ class PegHoleGeometry:
         if stored is None:
             return None
         if not isinstance(stored, Mapping):
-            raise ValueError(f"{where}: geometry is {stored!r}; expected a mapping of the sizes {_names()}")
-        missing = [n for n in _names() if not (is_number(stored.get(n)) and math.isfinite(stored[n]))]
+            raise ValueError(f"{where}: geometry is {stored!r}; expected a mapping of the sizes {list(SIZES)}")
+        missing = [n for n in SIZES if not (is_number(stored.get(n)) and math.isfinite(stored[n]))]
         if missing:
-            raise ValueError(f"{where}: geometry lacks {missing}; expected finite numbers for {_names()}")
-        sizes: dict[str, Any] = {name: float(stored[name]) for name in _names() if name != "facets"}
+            raise ValueError(f"{where}: geometry lacks {missing}; expected finite numbers for {list(SIZES)}")
+        sizes: dict[str, Any] = {name: float(stored[name]) for name in SIZES if name != "facets"}
         for name in TABLES:
             try:
                 sizes[name] = _rows(stored.get(name, ()))
@@ -117,6 +117,10 @@ class PegHoleGeometry:
         if self.facets < 3:
             errors.append(f"{self.facets} facets, expected at least 3")
         return errors
+
+
+SIZES = tuple(field.name for field in fields(PegHoleGeometry) if field.name not in ("section", *TABLES))
+"""Attributes of a geometry that are numbers."""
 
 
 def common_geometry(metadata_of: Sequence[tuple[str, Mapping[str, Any]]]) -> PegHoleGeometry | None:
@@ -159,11 +163,6 @@ def fit_difference(learnt: Mapping[str, Any], needed: Mapping[str, Any], names: 
             unit = "" if name in (*TABLES, "section", "facets") else " m"
             return f"geometry.{name} {learnt[name]}{unit}, not {needed[name]}{unit}"
     return ""
-
-
-def _names() -> list[str]:
-    """The names of the sizes."""
-    return [field.name for field in fields(PegHoleGeometry) if field.name not in ("section", *TABLES)]
 
 
 def _rows(rows: Any) -> tuple[tuple[float, ...], ...]:

@@ -356,7 +356,7 @@ class ExactPlant(LeafSystem):
         """See `PegCarrier`."""
         own = self.GetMyMutableContextFromRoot(context)
         bodies, m = self._constants_in(own)
-        bodies = bodies.with_friction(trial.contact.friction)
+        bodies = bodies._replace(law=bodies.law._replace(friction=trial.contact.friction))
         m = m._replace(pivot=float(trial.rig.pivot_height or 0.0))
         own.get_mutable_abstract_parameter(self._constants).set_value((bodies, m))
 
