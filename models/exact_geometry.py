@@ -62,6 +62,9 @@ REACH = 2e-5
 DIP = REACH
 """By how much a gap is lower between two samples than at the nearer one, at most, m."""
 
+MARGIN, ROUND_OFF = 1e-4, 1e-12
+"""How far (m) a curve is from where another surface is nearer; and the round-off of a multiple of a slope."""
+
 MAX_SEARCH = 60
 FLAT, NARROW, SHALLOW = 1e-10, 2e-3, 1e-14
 """The search for a minimum ends after so many gaps, where the slope (m/rad) is zero, or, between angles (rad) that are
@@ -200,6 +203,32 @@ def rim_gap(c: float, outside: Any, r_x: Any, r_y: Any, size: Any, z: Any) -> tu
 
 
 @register_jitable(inline="always")
+def side_gap(
+    piece: Any, d_x: Any, d_y: Any, d_z: Any, u_x: Any, u_y: Any, u_z: Any, v_x: Any, v_y: Any, v_z: Any
+) -> tuple[Any, ...]:
+    """Returns how far points are outside of a side of the peg; see `edge_gap`.
+
+    Returns:
+        Distance, m, negative inside; three components of a vector along the outward normal, in H; the length of this
+        vector; and how far the points are above the tip, along the peg, m.
+    """
+    a_x, a_y, a_z = u_y * v_z - u_z * v_y, u_z * v_x - u_x * v_z, u_x * v_y - u_y * v_x
+    along = d_x * a_x + d_y * a_y + d_z * a_z
+    if piece[KIND] == 0.0:
+        x, y = d_x * u_x + d_y * u_y + d_z * u_z, d_x * v_x + d_y * v_y + d_z * v_z
+        beside, on_x, on_y, off = planar_gap(piece, x, y)
+        r_x, r_y, r_z = on_x * u_x + on_y * v_x, on_x * u_y + on_y * v_y, on_x * u_z + on_y * v_z
+    else:
+        r_x = d_x - along * a_x - (piece[X] * u_x + piece[Y] * v_x)
+        r_y = d_y - along * a_y - (piece[X] * u_y + piece[Y] * v_y)
+        r_z = d_z - along * a_z - (piece[X] * u_z + piece[Y] * v_z)
+        off = np.sqrt(r_x * r_x + r_y * r_y + r_z * r_z)
+        beside = piece[KIND] * (off - piece[SIZE])
+        r_x, r_y, r_z = piece[KIND] * r_x, piece[KIND] * r_y, piece[KIND] * r_z
+    return beside, r_x, r_y, r_z, off, along
+
+
+@register_jitable(inline="always")
 def edge_gap(
     piece: Array, d_x: Any, d_y: Any, d_z: Any, u_x: Any, u_y: Any, u_z: Any, v_x: Any, v_y: Any, v_z: Any
 ) -> tuple[Any, ...]:
@@ -220,19 +249,8 @@ def edge_gap(
     Returns:
         Gap, m; the normal's three components in H; and whether the point is beside the peg rather than below its tip.
     """
+    beside, r_x, r_y, r_z, off, along = side_gap(piece, d_x, d_y, d_z, u_x, u_y, u_z, v_x, v_y, v_z)
     a_x, a_y, a_z = u_y * v_z - u_z * v_y, u_z * v_x - u_x * v_z, u_x * v_y - u_y * v_x
-    along = d_x * a_x + d_y * a_y + d_z * a_z
-    if piece[KIND] == 0.0:
-        x, y = d_x * u_x + d_y * u_y + d_z * u_z, d_x * v_x + d_y * v_y + d_z * v_z
-        beside, on_x, on_y, off = planar_gap(piece, x, y)
-        r_x, r_y, r_z = on_x * u_x + on_y * v_x, on_x * u_y + on_y * v_y, on_x * u_z + on_y * v_z
-    else:
-        r_x = d_x - along * a_x - (piece[X] * u_x + piece[Y] * v_x)
-        r_y = d_y - along * a_y - (piece[X] * u_y + piece[Y] * v_y)
-        r_z = d_z - along * a_z - (piece[X] * u_z + piece[Y] * v_z)
-        off = np.sqrt(r_x * r_x + r_y * r_y + r_z * r_z)
-        beside = piece[KIND] * (off - piece[SIZE])
-        r_x, r_y, r_z = piece[KIND] * r_x, piece[KIND] * r_y, piece[KIND] * r_z
     below = -along
     above = below <= 0.0
     corner = (below > 0.0) & (beside > 0.0)
@@ -249,6 +267,27 @@ def edge_gap(
 def height_of(chamfer: float, circle: int) -> float:
     """Returns the height of an edge of the hole, m."""
     return 0.0 if circle == OUTER else -chamfer
+
+
+@compiled
+def rim_point_gap(chamfer: float, surface: Any, x: float, y: float, z: float) -> tuple[Any, ...]:
+    """Returns `rim_gap` of one point, quickly where only the wall can be nearest."""
+    outside, r_x, r_y, size = planar_gap(surface, x, y)
+    if z < -chamfer - MARGIN and outside < MARGIN:
+        across = -1.0 / max(size, TINY)
+        return -outside, across * r_x, across * r_y, 0.0, WALL
+    return rim_gap(chamfer, outside, r_x, r_y, size, z)
+
+
+@compiled
+def edge_point_gap(surface: Any, d_x: float, d_y: float, d_z: float, pose: Pose) -> tuple[Any, ...]:
+    """Returns `edge_gap` of one point, quickly where only the side of the peg can be nearest."""
+    _, _, _, u_x, u_y, u_z, v_x, v_y, v_z = pose
+    outside, r_x, r_y, r_z, off, along = side_gap(surface, d_x, d_y, d_z, u_x, u_y, u_z, v_x, v_y, v_z)
+    if along > MARGIN and outside > -MARGIN:
+        w = 1.0 / max(off, TINY)
+        return outside, -w * r_x, -w * r_y, -w * r_z, True
+    return edge_gap(surface, d_x, d_y, d_z, u_x, u_y, u_z, v_x, v_y, v_z)
 
 
 @compiled
@@ -271,8 +310,7 @@ def on_curve(chamfer: float, circle: int, piece: Any, surface: Any, place: float
         x = p_x + r * (c * u_x + s * v_x) + (x_c * u_x + y_c * v_x)
         y = p_y + r * (c * u_y + s * v_y) + (x_c * u_y + y_c * v_y)
         z = p_z + r * (c * u_z + s * v_z) + (x_c * u_z + y_c * v_z)
-        outside, r_x, r_y, size = planar_gap(surface, x, y)
-        gap, n_x, n_y, n_z, kind = rim_gap(chamfer, outside, r_x, r_y, size, z)
+        gap, n_x, n_y, n_z, kind = rim_point_gap(chamfer, surface, x, y, z)
         along_u, along_v = n_x * u_x + n_y * u_y + n_z * u_z, n_x * v_x + n_y * v_y + n_z * v_z
         slope = t_y * along_v + t_x * along_u
         at_x, at_y, beside = x, y, False
@@ -280,7 +318,7 @@ def on_curve(chamfer: float, circle: int, piece: Any, surface: Any, place: float
     else:
         x, y, z = x_c + r * c, y_c + r * s, height_of(chamfer, circle)
         d_x, d_y, d_z = x - p_x, y - p_y, z - p_z
-        gap, n_x, n_y, n_z, beside = edge_gap(surface, d_x, d_y, d_z, u_x, u_y, u_z, v_x, v_y, v_z)
+        gap, n_x, n_y, n_z, beside = edge_point_gap(surface, d_x, d_y, d_z, pose)
         slope = -t_x * n_x - t_y * n_y
         at_x, at_y = d_x * u_x + d_y * u_y + d_z * u_z, d_x * v_x + d_y * v_y + d_z * v_z
         kind = circle
@@ -310,6 +348,66 @@ def sample_gaps(
             x, y, t_x, t_y = samples[1, begin + k], samples[2, begin + k], samples[3, begin + k], samples[4, begin + k]
             gap, n_x, n_y, _, _ = edge_gap(other, x - p_x, y - p_y, d_z, u_x, u_y, u_z, v_x, v_y, v_z)
             found[0, k], found[1, k] = gap, -t_x * n_x - t_y * n_y
+
+
+@compiled
+def sample_gap(chamfer: float, circle: int, other: Any, samples: Array, k: int, pose: Pose) -> tuple[float, float]:
+    """Returns gap and slope of sample ``k`` of a curve; see `sample_gaps`."""
+    p_x, p_y, p_z, u_x, u_y, u_z, v_x, v_y, v_z = pose
+    x, y, t_x, t_y = samples[1, k], samples[2, k], samples[3, k], samples[4, k]
+    if circle == RIM:
+        q_x, q_y, q_z = p_x + x * u_x + y * v_x, p_y + x * u_y + y * v_y, p_z + x * u_z + y * v_z
+        gap, n_x, n_y, n_z, _ = rim_point_gap(chamfer, other, q_x, q_y, q_z)
+        slope = t_y * (n_x * v_x + n_y * v_y + n_z * v_z) + t_x * (n_x * u_x + n_y * u_y + n_z * u_z)
+        return gap, slope
+    gap, n_x, n_y, _, _ = edge_point_gap(other, x - p_x, y - p_y, height_of(chamfer, circle) - p_z, pose)
+    return gap, -t_x * n_x - t_y * n_y
+
+
+@compiled
+def signs_of_slopes(
+    chamfer: float, circle: int, other: Any, samples: Array, begin: int, end: int, pose: Pose, found: Array
+) -> bool:
+    """Computes positive multiples of the slopes of `sample_gaps`, without roots and divisions, where that is possible.
+
+    Beside a side, a gap has the direction of the point from the side's centre. So it is where the whole rim is below
+    the chamfer, or a whole edge above the tip, and no sample overlaps by more than `MARGIN`.
+
+    Returns:
+        Whether all samples are beside the piece. The multiples differ from zero by round-off where the slopes are zero.
+    """
+    p_x, p_y, p_z, u_x, u_y, u_z, v_x, v_y, v_z = pose
+    kind, size, c_x, c_y = other[KIND], other[SIZE], other[X], other[Y]
+    others = 0
+    if circle == RIM:
+        for k in range(end - begin):
+            x, y, t_x, t_y = samples[1, begin + k], samples[2, begin + k], samples[3, begin + k], samples[4, begin + k]
+            d_x, d_y, q_z = p_x + x * u_x + y * v_x - c_x, p_y + x * u_y + y * v_y - c_y, p_z + x * u_z + y * v_z
+            if kind == 0.0:
+                r_x, r_y, overlaps = other[S], -other[C], d_x * other[S] - d_y * other[C] > MARGIN
+            else:
+                r_x, r_y = kind * d_x, kind * d_y
+                overlaps = kind * (d_x * d_x + d_y * d_y - size * size) > MARGIN * size
+            others += overlaps | (q_z > -chamfer - MARGIN)
+            found[1, k] = -t_x * (r_x * u_x + r_y * u_y) - t_y * (r_x * v_x + r_y * v_y)
+        return others == 0
+    a_x, a_y, a_z = u_y * v_z - u_z * v_y, u_z * v_x - u_x * v_z, u_x * v_y - u_y * v_x
+    d_z = height_of(chamfer, circle) - p_z
+    for k in range(end - begin):
+        d_x, d_y, t_x, t_y = (
+            samples[1, begin + k] - p_x,
+            samples[2, begin + k] - p_y,
+            samples[3, begin + k],
+            samples[4, begin + k],
+        )
+        x, y = d_x * u_x + d_y * u_y + d_z * u_z - c_x, d_x * v_x + d_y * v_y + d_z * v_z - c_y
+        if kind == 0.0:
+            r_x, r_y, overlaps = other[S], -other[C], x * other[S] - y * other[C] < -MARGIN
+        else:
+            r_x, r_y, overlaps = kind * x, kind * y, kind * (x * x + y * y - size * size) < -MARGIN * size
+        others += overlaps | (d_x * a_x + d_y * a_y + d_z * a_z < MARGIN)
+        found[1, k] = t_x * (r_x * u_x + r_y * v_x) + t_y * (r_x * u_y + r_y * v_y)
+    return others == 0
 
 
 @compiled
@@ -452,12 +550,18 @@ def add_minima(
     """
     piece, other, chamfer = row_of(bodies.pieces, j), row_of(bodies.pieces, o), bodies.chamfer
     start, stop = bodies.first[j], bodies.first[j + 1]
-    sample_gaps(chamfer, circle, other, bodies.samples, start, stop, pose, samples)
+    signs = signs_of_slopes(chamfer, circle, other, bodies.samples, start, stop, pose, samples)
+    if not signs:
+        sample_gaps(chamfer, circle, other, bodies.samples, start, stop, pose, samples)
     for k in range(stop - start - 1):
-        falling, rising = samples[1, k], samples[1, k + 1]
+        g_low, falling, g_high, rising = samples[0, k], samples[1, k], samples[0, k + 1], samples[1, k + 1]
+        if signs:
+            if falling > ROUND_OFF or rising < -ROUND_OFF:
+                continue
+            g_low, falling = sample_gap(chamfer, circle, other, bodies.samples, start + k, pose)
+            g_high, rising = sample_gap(chamfer, circle, other, bodies.samples, start + k + 1, pose)
         if falling > 0.0 or rising <= 0.0:
             continue
-        g_low, g_high = samples[0, k], samples[0, k + 1]
         low, high = bodies.samples[0, start + k], bodies.samples[0, start + k + 1]
         if piece[KIND] == 0.0:  # along a line a gap is convex, and above its tangents
             meet = (g_high - g_low - rising * (high - low)) / (falling - rising)

@@ -21,12 +21,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from compiled import compiled
 from models import Array
 from models.contact_bodies import ContactLaw, Numbers
-from models.exact_geometry import SURFACE, TINY
+from models.exact_geometry import GAP, MAX_CONTACTS, SURFACE, TINY
 
 STEPS = 8
 """Steps in a contact time step of a scenario."""
@@ -45,6 +43,16 @@ TOLERANCE = 1e-7
 SOFTENING = 1e-8
 """Relative increase of a contact's own mobility, so that more contacts than freedoms stick in a unique way. A contact
 that sticks under 10 N creeps at about 0.1 nm/s."""
+
+MAX_IMPULSES = 3 * MAX_CONTACTS
+
+WORK = 3, MAX_IMPULSES, MAX_IMPULSES
+"""Shape of the array in which contacts are solved: two matrices, and rows of a third."""
+
+MOBILITY, SLOPE, ROWS = range(3)
+FREE, IMPULSE, GUESS, TRIAL, ERROR, CHANGE = range(6)
+"""Places in this array: change of the velocities (m/s) by the impulses (N s), derivatives of the violations, and rows;
+these are the velocities without contact, the impulses, and what the solvers try, m/s or N s."""
 
 
 @compiled
@@ -100,144 +108,136 @@ def friction_impulse(
 
 
 @compiled
-def gauss_seidel(
-    law: ContactLaw, step: float, mobility: Array, free: Array, gap: Array, impulse: Array, sweeps: int
-) -> None:
+def gauss_seidel(law: ContactLaw, step: float, contacts: Array, m: int, work: Array, sweeps: int) -> None:
     """Solves one contact after the other, ``sweeps`` times; see `solve_contacts`."""
-    n = len(impulse)
     for _ in range(sweeps):
-        for i in range(0, n, 3):
-            u = free[i]
-            for k in range(n):
+        for i in range(0, m, 3):
+            u = work[ROWS, FREE, i]
+            for k in range(m):
                 if k != i:
-                    u += mobility[i, k] * impulse[k]
-            impulse[i] = normal_impulse(law, step, gap[i // 3], u, mobility[i, i])
-            x, y = free[i + 1], free[i + 2]
-            for k in range(n):
+                    u += work[MOBILITY, i, k] * work[ROWS, GUESS, k]
+            normal = normal_impulse(law, step, contacts[i // 3, GAP], u, work[MOBILITY, i, i])
+            work[ROWS, GUESS, i] = normal
+            x, y = work[ROWS, FREE, i + 1], work[ROWS, FREE, i + 2]
+            for k in range(m):
                 if k != i + 1 and k != i + 2:
-                    x += mobility[i + 1, k] * impulse[k]
-                    y += mobility[i + 2, k] * impulse[k]
-            m_xx, m_xy, m_yy = mobility[i + 1, i + 1], mobility[i + 1, i + 2], mobility[i + 2, i + 2]
-            impulse[i + 1], impulse[i + 2] = friction_impulse(law.friction * impulse[i], x, y, m_xx, m_xy, m_yy)
+                    x += work[MOBILITY, i + 1, k] * work[ROWS, GUESS, k]
+                    y += work[MOBILITY, i + 2, k] * work[ROWS, GUESS, k]
+            m_xx, m_xy, m_yy = (
+                work[MOBILITY, i + 1, i + 1],
+                work[MOBILITY, i + 1, i + 2],
+                work[MOBILITY, i + 2, i + 2],
+            )
+            x, y = friction_impulse(law.friction * normal, x, y, m_xx, m_xy, m_yy)
+            work[ROWS, GUESS, i + 1], work[ROWS, GUESS, i + 2] = x, y
 
 
 @compiled
-def residual(
-    law: ContactLaw,
-    step: float,
-    mobility: Array,
-    free: Array,
-    gap: Array,
-    impulse: Array,
-    error: Array,
-    slope: Array,
-) -> float:
+def residual(law: ContactLaw, step: float, contacts: Array, m: int, work: Array, row: int) -> float:
     """Computes by how much impulses violate the laws of the module, in N s (Alart and Curnier, 1991); see `newton`.
 
     Args:
         law: `ContactLaw`.
         step: h, s.
-        mobility: (3m, 3m), see `solve_contacts`.
-        free: (3m,), see `solve_contacts`.
-        gap: (m,), m.
-        impulse: (3m,), N s.
-        error: (3m,), receives the violations.
-        slope: (3m, 3m), receives their derivatives by the impulses.
+        contacts: see `solve_contacts`.
+        m: number of the impulses.
+        work: `WORK`; ``ERROR`` receives the violations, ``SLOPE`` their derivatives by the impulses.
+        row: of the impulses, `IMPULSE` or `TRIAL`.
 
     Returns:
         The largest violation.
     """
-    n, mu = len(impulse), law.friction
-    largest = 0.0
-    for i in range(n):
-        error[i] = free[i]
-        for k in range(n):
-            error[i] += mobility[i, k] * impulse[k]  # the velocities, for now
-    for i in range(0, n, 3):
-        overlap, damping = -gap[i // 3] - step * error[i], 1.0 - law.dissipation * error[i]
+    mu, largest = law.friction, 0.0
+    for i in range(m):
+        work[ROWS, ERROR, i] = work[ROWS, FREE, i]
+        for k in range(m):
+            work[ROWS, ERROR, i] += work[MOBILITY, i, k] * work[ROWS, row, k]  # the velocities, for now
+    for i in range(0, m, 3):
+        speed, normal = work[ROWS, ERROR, i], work[ROWS, row, i]
+        overlap, damping = -contacts[i // 3, GAP] - step * speed, 1.0 - law.dissipation * speed
         expected, change = 0.0, 0.0
         if overlap > 0.0 and damping > 0.0:
             expected = step * law.stiffness * overlap * damping
             change = -step * law.stiffness * (step * damping + law.dissipation * overlap)
-        error[i] = impulse[i] - expected
-        for k in range(n):
-            slope[i, k] = -change * mobility[i, k]
-        slope[i, i] += 1.0
-        weight = 2.0 / (mobility[i + 1, i + 1] + mobility[i + 2, i + 2])
-        x, y = impulse[i + 1] - weight * error[i + 1], impulse[i + 2] - weight * error[i + 2]
-        size, limit = math.hypot(x, y), mu * max(impulse[i], 0.0)
+        work[ROWS, ERROR, i] = normal - expected
+        for k in range(m):
+            work[SLOPE, i, k] = -change * work[MOBILITY, i, k]
+        work[SLOPE, i, i] += 1.0
+        weight = 2.0 / (work[MOBILITY, i + 1, i + 1] + work[MOBILITY, i + 2, i + 2])
+        x = work[ROWS, row, i + 1] - weight * work[ROWS, ERROR, i + 1]
+        y = work[ROWS, row, i + 2] - weight * work[ROWS, ERROR, i + 2]
+        size, limit = math.hypot(x, y), mu * max(normal, 0.0)
         if size <= limit and limit > 0.0:
             for j in range(i + 1, i + 3):
-                error[j] *= weight
-                for k in range(n):
-                    slope[j, k] = weight * mobility[j, k]
+                work[ROWS, ERROR, j] *= weight
+                for k in range(m):
+                    work[SLOPE, j, k] = weight * work[MOBILITY, j, k]
             continue
         x, y = x / max(size, TINY), y / max(size, TINY)
         part = limit / max(size, TINY)
-        error[i + 1], error[i + 2] = impulse[i + 1] - limit * x, impulse[i + 2] - limit * y
-        for k in range(n):
-            first, second = -weight * mobility[i + 1, k], -weight * mobility[i + 2, k]
+        work[ROWS, ERROR, i + 1] = work[ROWS, row, i + 1] - limit * x
+        work[ROWS, ERROR, i + 2] = work[ROWS, row, i + 2] - limit * y
+        for k in range(m):
+            first, second = -weight * work[MOBILITY, i + 1, k], -weight * work[MOBILITY, i + 2, k]
             if k == i + 1:
                 first += 1.0
             if k == i + 2:
                 second += 1.0
             along = x * first + y * second
-            slope[i + 1, k] = -part * (first - along * x)
-            slope[i + 2, k] = -part * (second - along * y)
-        slope[i + 1, i + 1] += 1.0
-        slope[i + 2, i + 2] += 1.0
-        if impulse[i] > 0.0:
-            slope[i + 1, i] -= mu * x
-            slope[i + 2, i] -= mu * y
-    for i in range(n):
-        largest = max(largest, abs(error[i]))
+            work[SLOPE, i + 1, k] = -part * (first - along * x)
+            work[SLOPE, i + 2, k] = -part * (second - along * y)
+        work[SLOPE, i + 1, i + 1] += 1.0
+        work[SLOPE, i + 2, i + 2] += 1.0
+        if normal > 0.0:
+            work[SLOPE, i + 1, i] -= mu * x
+            work[SLOPE, i + 2, i] -= mu * y
+    for i in range(m):
+        largest = max(largest, abs(work[ROWS, ERROR, i]))
     return largest
 
 
 @compiled
-def eliminate(matrix: Array, vector: Array) -> None:
-    """Solves a system of linear equations in place by elimination with pivots: ``vector`` receives the solution."""
-    n = len(vector)
-    for i in range(n):
+def eliminate(m: int, work: Array) -> None:
+    """Solves ``SLOPE`` times ``CHANGE`` equal to ``ERROR`` of `WORK` by elimination with pivots; changes the slope."""
+    for i in range(m):
+        work[ROWS, CHANGE, i] = work[ROWS, ERROR, i]
+    for i in range(m):
         best = i
-        for k in range(i + 1, n):
-            if abs(matrix[k, i]) > abs(matrix[best, i]):
+        for k in range(i + 1, m):
+            if abs(work[SLOPE, k, i]) > abs(work[SLOPE, best, i]):
                 best = k
         if best != i:
-            for j in range(i, n):
-                matrix[i, j], matrix[best, j] = matrix[best, j], matrix[i, j]
-            vector[i], vector[best] = vector[best], vector[i]
-        for k in range(i + 1, n):
-            ratio = matrix[k, i] / matrix[i, i]
+            for j in range(i, m):
+                work[SLOPE, i, j], work[SLOPE, best, j] = work[SLOPE, best, j], work[SLOPE, i, j]
+            work[ROWS, CHANGE, i], work[ROWS, CHANGE, best] = work[ROWS, CHANGE, best], work[ROWS, CHANGE, i]
+        for k in range(i + 1, m):
+            ratio = work[SLOPE, k, i] / work[SLOPE, i, i]
             if ratio != 0.0:
-                for j in range(i + 1, n):
-                    matrix[k, j] -= ratio * matrix[i, j]
-                vector[k] -= ratio * vector[i]
-    for i in range(n - 1, -1, -1):
-        for j in range(i + 1, n):
-            vector[i] -= matrix[i, j] * vector[j]
-        vector[i] /= matrix[i, i]
+                for j in range(i + 1, m):
+                    work[SLOPE, k, j] -= ratio * work[SLOPE, i, j]
+                work[ROWS, CHANGE, k] -= ratio * work[ROWS, CHANGE, i]
+    for i in range(m - 1, -1, -1):
+        for j in range(i + 1, m):
+            work[ROWS, CHANGE, i] -= work[SLOPE, i, j] * work[ROWS, CHANGE, j]
+        work[ROWS, CHANGE, i] /= work[SLOPE, i, i]
 
 
 @compiled
-def newton(law: ContactLaw, step: float, mobility: Array, free: Array, gap: Array, impulse: Array) -> bool:
+def newton(law: ContactLaw, step: float, contacts: Array, m: int, work: Array) -> bool:
     """Solves all contacts together from a first guess by Newton's method; returns whether it converged."""
-    n = len(impulse)
-    error, slope, trial = np.empty(n), np.empty((n, n)), np.empty(n)
-    worst = residual(law, step, mobility, free, gap, impulse, error, slope)
+    worst = residual(law, step, contacts, m, work, IMPULSE)
     for _ in range(NEWTON_STEPS):
         largest = 0.0
-        for i in range(0, n, 3):
-            largest = max(largest, impulse[i])
+        for i in range(0, m, 3):
+            largest = max(largest, work[ROWS, IMPULSE, i])
         if worst <= TOLERANCE * largest:
             return True
-        change = error.copy()
-        eliminate(slope, change)
-        part, better = 1.0, False
+        eliminate(m, work)
+        part, better, now = 1.0, False, worst
         while part > 0.05:
-            for i in range(n):
-                trial[i] = impulse[i] - part * change[i]
-            now = residual(law, step, mobility, free, gap, trial, error, slope)
+            for i in range(m):
+                work[ROWS, TRIAL, i] = work[ROWS, IMPULSE, i] - part * work[ROWS, CHANGE, i]
+            now = residual(law, step, contacts, m, work, TRIAL)
             if now < worst:
                 better = True
                 break
@@ -245,60 +245,81 @@ def newton(law: ContactLaw, step: float, mobility: Array, free: Array, gap: Arra
         if not better:
             return False
         worst = now
-        impulse[:] = trial
+        for i in range(m):
+            work[ROWS, IMPULSE, i] = work[ROWS, TRIAL, i]
     return False
 
 
 @compiled
 def solve_contacts(
-    law: ContactLaw, step: float, inverse: Array, free: Array, jacobian: Array, gap: Array, impulse: Array
-) -> tuple[Array, int]:
-    """Returns the velocities (n,) at the end of a step, and the number of rounds.
+    law: ContactLaw,
+    step: float,
+    inverse: Array,
+    free: Array,
+    jacobian: Array,
+    contacts: Array,
+    m: int,
+    work: Array,
+    velocity: Array,
+) -> int:
+    """Finds the impulses of the contacts of a step, and the velocities at its end.
 
     Args:
         law: `ContactLaw`.
         step: h, s.
         inverse: (n,), diagonal of the inverse of A; 0 for a freedom that is locked.
         free: (n,), velocities without contact.
-        jacobian: (3m, n), of the velocities of the peg relative to the bore along normal and tangents of each contact.
-        gap: (m,), at the start of the step, m.
-        impulse: (3m,), first guess; receives the impulses along normal and tangents of each contact, N s.
+        jacobian: (m or more, n), of the velocities of the peg relative to the bore along normal and tangents of each
+            contact.
+        contacts: of `models.exact_geometry.find_contacts`, with their gaps at the start of the step.
+        m: number of the impulses, three for each contact.
+        work: `WORK`; ``IMPULSE`` holds a first guess, and receives the impulses along normal and tangents, N s.
+        velocity: (n,), receives the velocities at the end.
+
+    Returns:
+        The number of rounds.
     """
-    m, n = len(impulse), len(free)
-    mobility, without = np.empty((m, m)), np.zeros(m)
+    n = len(free)
     for i in range(m):
+        without = 0.0
         for k in range(n):
-            without[i] += jacobian[i, k] * free[k]
+            without += jacobian[i, k] * free[k]
+        work[ROWS, FREE, i] = without
         for j in range(i, m):
             value = 0.0
             for k in range(n):
                 value += jacobian[i, k] * inverse[k] * jacobian[j, k]
-            mobility[i, j] = mobility[j, i] = value
+            work[MOBILITY, i, j] = work[MOBILITY, j, i] = value
     for i in range(m):
-        mobility[i, i] = mobility[i, i] * (1.0 + SOFTENING) + TINY
-    rounds, guess = 0, impulse.copy()
+        work[MOBILITY, i, i] = work[MOBILITY, i, i] * (1.0 + SOFTENING) + TINY
+        work[ROWS, GUESS, i] = work[ROWS, IMPULSE, i]
+    rounds = 0
     while m > 0 and rounds < ROUNDS:
-        gauss_seidel(law, step, mobility, without, gap, guess, SWEEPS << rounds)
+        gauss_seidel(law, step, contacts, m, work, SWEEPS << rounds)
         rounds += 1
-        impulse[:] = guess
-        if newton(law, step, mobility, without, gap, impulse):
-            break
-        impulse[:] = guess
-    velocity = free.copy()
-    for k in range(n):
         for i in range(m):
-            velocity[k] += inverse[k] * jacobian[i, k] * impulse[i]
-    return velocity, rounds
+            work[ROWS, IMPULSE, i] = work[ROWS, GUESS, i]
+        if newton(law, step, contacts, m, work):
+            break
+        for i in range(m):
+            work[ROWS, IMPULSE, i] = work[ROWS, GUESS, i]
+    for k in range(n):
+        velocity[k] = free[k]
+        for i in range(m):
+            velocity[k] += inverse[k] * jacobian[i, k] * work[ROWS, IMPULSE, i]
+    return rounds
 
 
 @compiled
-def match(contacts: Array, old_surface: Numbers, old_impulse: Array, impulse: Array) -> None:
-    """Copies the impulses of the last step's contacts, by their surfaces, into the first guess of this step's."""
-    for i in range(len(impulse) // 3):
+def match(contacts: Array, count: int, old_surface: Numbers, old_impulse: Array, work: Array) -> None:
+    """Sets the first guess of the impulses: those of the last step's contacts on the same surfaces, or zero."""
+    for i in range(count):
+        for j in range(3):
+            work[ROWS, IMPULSE, 3 * i + j] = 0.0
         for k in range(len(old_surface)):
             if old_surface[k] == contacts[i, SURFACE]:
                 for j in range(3):
-                    impulse[3 * i + j] = old_impulse[k, j]
+                    work[ROWS, IMPULSE, 3 * i + j] = old_impulse[k, j]
                 old_surface[k] = -1
                 break
 

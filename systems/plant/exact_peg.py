@@ -18,7 +18,7 @@ from models.exact_geometry import CONTACTS, GAP, MAX_CONTACTS, NORMAL, POINT, SU
 from models.scenario import Scenario
 from systems.math.rotation import free_body_pose
 from systems.plant.contact_plant import AddVirtualPlant, HydroelasticPeg
-from systems.plant.exact_contact import STEPS, match, set_frame, solve_contacts
+from systems.plant.exact_contact import IMPULSE, MAX_IMPULSES, ROWS, STEPS, WORK, match, set_frame, solve_contacts
 
 
 @compiled
@@ -94,38 +94,37 @@ def advance_peg(
         0,
     )
     old_surface, old_impulse = np.full(MAX_CONTACTS, -1), np.zeros((MAX_CONTACTS, 3))
+    work, jacobian, inverse, without = np.empty(WORK), np.empty((MAX_IMPULSES, 6)), np.empty(6), np.empty(6)
     for _ in range(count):
         R = rotation_of(q[:4])
         found = find_contacts(bodies, pose_of(q[4:], R), contacts)
-        jacobian, impulse = np.zeros((3 * found, 6)), np.zeros(3 * found)
         for i in range(found):
             set_frame(contacts[i, 4], contacts[i, 5], contacts[i, 6], frame)
             x, y, z = contacts[i, 1] - q[4], contacts[i, 2] - q[5], contacts[i, 3] - q[6]
             for j in range(3):
-                f, row = frame[j], jacobian[3 * i + j]
-                row[0], row[1], row[2] = y * f[2] - z * f[1], z * f[0] - x * f[2], x * f[1] - y * f[0]
-                row[3:] = f
-        match(contacts, old_surface, old_impulse, impulse)
-        mass = inertia + step * damping
-        velocity, _ = solve_contacts(
-            bodies.law,
-            step,
-            free / mass,
-            free * (inertia * v + step * wrench) / mass,
-            jacobian,
-            contacts[:found, GAP],
-            impulse,
-        )
-        v[:] = velocity
+                f_x, f_y, f_z, row = frame[j, 0], frame[j, 1], frame[j, 2], 3 * i + j
+                jacobian[row, 0], jacobian[row, 1], jacobian[row, 2] = (
+                    y * f_z - z * f_y,
+                    z * f_x - x * f_z,
+                    x * f_y - y * f_x,
+                )
+                jacobian[row, 3], jacobian[row, 4], jacobian[row, 5] = f_x, f_y, f_z
+        match(contacts, found, old_surface, old_impulse, work)
+        for k in range(6):
+            mass = inertia[k] + step * damping[k]
+            inverse[k], without[k] = free[k] / mass, free[k] * (inertia[k] * v[k] + step * wrench[k]) / mass
+        solve_contacts(bodies.law, step, inverse, without, jacobian, contacts, 3 * found, work, v)
         turn(q[:4], step * v[:3])
         q[4:] += step * v[3:]
         contact[:] = 0.0
         old_surface[:] = -1
         for i in range(3 * found):
-            contact += jacobian[i] * impulse[i] / step
-            old_impulse[i // 3, i % 3] = impulse[i]
+            impulse = work[ROWS, IMPULSE, i]
+            for k in range(6):
+                contact[k] += jacobian[i, k] * impulse / step
+            old_impulse[i // 3, i % 3] = impulse
         for i in range(found):
-            force[i], old_surface[i] = impulse[3 * i] / step, int(contacts[i, SURFACE])
+            force[i], old_surface[i] = work[ROWS, IMPULSE, 3 * i] / step, int(contacts[i, SURFACE])
     return contact, found, contacts, force
 
 

@@ -21,11 +21,11 @@ from pydrake.systems.framework import (
 from compiled import compiled
 from models import Array
 from models.contact_bodies import Bodies
-from models.exact_geometry import CONTACTS, GAP, MAX_CONTACTS, NORMAL, POINT, SURFACE, find_contacts, pose_of
+from models.exact_geometry import CONTACTS, MAX_CONTACTS, NORMAL, POINT, SURFACE, find_contacts, pose_of
 from models.scenario import Scenario
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.contact_plant import AddRigPlant
-from systems.plant.exact_contact import STEPS, match, set_frame, solve_contacts
+from systems.plant.exact_contact import IMPULSE, MAX_IMPULSES, ROWS, STEPS, WORK, match, set_frame, solve_contacts
 from systems.plant.rig_plant import stepper_axes
 
 FREEDOMS = 6
@@ -200,35 +200,21 @@ def advance_rig(
     """
     contacts, force, frame = np.empty(CONTACTS), np.zeros(MAX_CONTACTS), np.empty((3, 3))
     old_surface, old_impulse = np.full(MAX_CONTACTS, -1), np.zeros((MAX_CONTACTS, 3))
+    work, jacobian = np.empty(WORK), np.empty((MAX_IMPULSES, FREEDOMS))
     start, wrench, found = v.copy(), np.zeros(6), 0
     limit, arm = m.holding_torque, m.block_centre - m.pivot
     across, lever = m.across + m.block_mass * arm * arm, m.block_mass * m.gravity * arm
-    A, B, hold, torque = np.zeros(FREEDOMS), np.zeros(FREEDOMS), np.zeros(3), np.zeros(3)
+    inertia, load, velocity = np.zeros(FREEDOMS), np.zeros(FREEDOMS), np.zeros(FREEDOMS)
+    inverse, free, hold, torque = np.zeros(FREEDOMS), np.zeros(FREEDOMS), np.zeros(3), np.zeros(3)
+    inertia[0], inertia[1], inertia[2] = m.mass_z, m.mass_x, m.mass_y
+    inertia[4], inertia[5], load[0] = across + m.rotor, m.clocking, motor - m.weight
     for _ in range(count):
         cy, sy = math.cos(q[4]), math.sin(q[4])
-        inertia = np.array(
-            [
-                m.mass_z,
-                m.mass_x,
-                m.mass_y,
-                m.pitch_ring + across * cy * cy + m.along * sy * sy,
-                across + m.rotor,
-                m.clocking,
-            ]
-        )
+        inertia[3] = m.pitch_ring + across * cy * cy + m.along * sy * sy
         gyration = (m.along - across) * sy * cy
-        load = np.array(
-            [
-                motor - m.weight,
-                0.0,
-                0.0,
-                lever * math.sin(q[3]) * cy - 2.0 * gyration * v[3] * v[4],
-                lever * math.cos(q[3]) * sy + gyration * v[3] * v[3],
-                0.0,
-            ]
-        )
+        load[3] = lever * math.sin(q[3]) * cy - 2.0 * gyration * v[3] * v[4]
+        load[4] = lever * math.cos(q[3]) * sy + gyration * v[3] * v[3]
         found = rig_contacts(bodies, m, q, contacts)
-        jacobian, impulse = np.zeros((3 * found, FREEDOMS)), np.zeros(3 * found)
         c, s = math.cos(q[3]), math.sin(q[3])
         for i in range(found):
             set_frame(contacts[i, 4], contacts[i, 5], contacts[i, 6], frame)
@@ -243,24 +229,24 @@ def advance_rig(
                 jacobian[row, 5] = (
                     f_x * (s * z + c * y) * cy + f_y * (sy * z - c * cy * x) - f_z * (sy * y + s * cy * x)
                 )
-        match(contacts, old_surface, old_impulse, impulse)
+        match(contacts, found, old_surface, old_impulse, work)
         hold[:] = 0.0  # torque of a stepper at its limit
-        velocity = v
         for _trial in range(3):
-            A[:] = inertia
             for k in range(FREEDOMS):
-                B[k] = inertia[k] * v[k] + step * load[k] if inertia[k] < math.inf else 0.0
-            A[0] += step * m.friction
-            for k in range(1, 3):
-                A[k] += step * (m.mount_damping + step * m.mount_stiffness)
-                B[k] -= step * m.mount_stiffness * q[k]
-            for k in range(3, FREEDOMS):
-                if hold[k - 3] == 0.0:
-                    A[k] += step * (m.stepper_damping + step * m.stepper_stiffness)
-                    B[k] -= step * m.stepper_stiffness * (q[k] - equilibrium[k - 3])
+                a = inertia[k]
+                b = inertia[k] * v[k] + step * load[k] if inertia[k] < math.inf else 0.0
+                if k == 0:
+                    a += step * m.friction
+                elif k < 3:
+                    a += step * (m.mount_damping + step * m.mount_stiffness)
+                    b -= step * m.mount_stiffness * q[k]
+                elif hold[k - 3] == 0.0:
+                    a += step * (m.stepper_damping + step * m.stepper_stiffness)
+                    b -= step * m.stepper_stiffness * (q[k] - equilibrium[k - 3])
                 else:
-                    B[k] += step * hold[k - 3]
-            velocity, _ = solve_contacts(bodies.law, step, 1.0 / A, B / A, jacobian, contacts[:found, GAP], impulse)
+                    b += step * hold[k - 3]
+                inverse[k], free[k] = 1.0 / a, b / a
+            solve_contacts(bodies.law, step, inverse, free, jacobian, contacts, 3 * found, work, velocity)
             again = False
             for k in range(3, FREEDOMS):
                 later = q[k] + step * velocity[k] - equilibrium[k - 3]
@@ -269,11 +255,13 @@ def advance_rig(
                     hold[k - 3], again = math.copysign(limit, torque[k - 3]), True
             if not again:
                 break
-        v[:] = velocity
-        q += step * v
+        for k in range(FREEDOMS):
+            v[k] = velocity[k]
+            q[k] += step * v[k]
         old_surface[:] = -1
         for i in range(found):
-            k, n, a, b = 3 * i, impulse[3 * i], impulse[3 * i + 1], impulse[3 * i + 2]
+            k = 3 * i
+            n, a, b = work[ROWS, IMPULSE, k], work[ROWS, IMPULSE, k + 1], work[ROWS, IMPULSE, k + 2]
             force[i] = n / step
             p_x = n * jacobian[k, 1] + a * jacobian[k + 1, 1] + b * jacobian[k + 2, 1]
             p_y = n * jacobian[k, 2] + a * jacobian[k + 1, 2] + b * jacobian[k + 2, 2]

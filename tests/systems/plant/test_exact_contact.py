@@ -7,7 +7,16 @@ from hypothesis import strategies as st
 
 from models.contact_bodies import DEPTH, Bodies
 from models.scenario import Scenario
-from systems.plant.exact_contact import ROUNDS, friction_impulse, normal_impulse, set_frame, solve_contacts
+from systems.plant.exact_contact import (
+    IMPULSE,
+    ROUNDS,
+    ROWS,
+    WORK,
+    friction_impulse,
+    normal_impulse,
+    set_frame,
+    solve_contacts,
+)
 from systems.plant.exact_peg import advance_peg
 
 BODIES = Bodies.of(Scenario())
@@ -46,8 +55,9 @@ def test_all_contacts_obey_normal_law_and_friction():
         m, inverse = int(rng.integers(1, 4)), 10.0 ** rng.uniform(-1, 2, 6)
         jacobian = rng.normal(size=(3 * m, 6)) * np.array([0.01, 0.01, 0.01, 1.0, 1.0, 1.0])
         gap, free = rng.uniform(-2e-6, 1e-6, m), rng.normal(size=6) * 0.02
-        impulse = np.zeros(3 * m)
-        velocity, rounds = solve_contacts(LAW, STEP, inverse, free, jacobian, gap, impulse)
+        work, contacts, velocity = np.zeros(WORK), gap.reshape(m, 1), np.empty(6)
+        rounds = solve_contacts(LAW, STEP, inverse, free, jacobian, contacts, 3 * m, work, velocity)
+        impulse = work[ROWS, IMPULSE, : 3 * m]
         np.testing.assert_allclose(velocity, free + inverse * (jacobian.T @ impulse), atol=1e-12)
         if rounds == ROUNDS:
             continue
