@@ -135,7 +135,7 @@ def ask_only(
 
     if json is not None:
         require_distinct({"--skill": skill, "--json": json})
-        check_file(json, ".json", option="--json")
+        check_file(json, "query_states.json", option="--json")
     chosen = read_scenario(scenario, engine)
     stuck = practise(chosen, ManipulationSkill.load(skill), plan, 1, jobs=jobs)
     if json is not None:

@@ -97,7 +97,7 @@ def main(
     trials_file, figure_file = out.with_suffix(".json"), out.with_suffix(".png")
     require_distinct({"--skill": skill, "--out": out})
     require_distinct({"the skill": out, "the trials": trials_file, "the figure": figure_file})
-    for path, suffix in ((out, ".npz"), (trials_file, ".json"), (figure_file, ".png")):
+    for path, suffix in ((out, ".npz"), (trials_file, "practice.json"), (figure_file, ".png")):
         check_file(path, suffix, size=(practice.n_trials + 2 * held_out) * RECORDING_SIZE + REPORT_SIZE)
     about = {"versions": versions(), "scenario": dump_scenario(chosen), "practice": asdict(practice)}
     digest = hashlib.sha256(skill.read_bytes()).hexdigest()

@@ -135,7 +135,7 @@ def copy_of_results(json: Path, out: Path, skill: Path, index: SetIndex) -> Path
     if json.resolve() == (out / RESULTS).resolve():
         return None
     require_distinct({"--skill": skill, **{name: out / name for name in index.names}, "--json": json})
-    check_file(json, ".json", option="--json")
+    check_file(json, "trials.json", option="--json")
     return json
 
 

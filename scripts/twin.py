@@ -53,6 +53,7 @@ def main(
     """
     import time
 
+    from experiments.outputs.output_checks import check_file
     from experiments.trial.trial_set import TrialSet
     from interfaces.robots.fr3_twin import SENSOR_PAGE_PORT, SENSOR_PORT, Fr3Twin, Insertion
     from interfaces.terminal import say, write_json
@@ -61,6 +62,8 @@ def main(
     chosen = load_scenario(scenario or robot)
     chosen.arm.hole_offset_range = 1e-3 * (OFFSETS[trials_of] if offset_mm is None else offset_mm)
     validate_scenario(chosen, "command line")
+    if json is not None:
+        check_file(json, "trials.json", option="--json")
     rows: list[dict[str, Any]] = []
     clock = {"arm": 0.0, "wall": 0.0}  # at the end of the last hole, s
 

@@ -21,7 +21,9 @@ REPORT_SIZE = 3_000_000  # bytes of a page with a scene or figures, at most
 CONTENTS = {
     ".npz": ("a skill file", rb"PK\x03\x04.{26}[\w/]+\.npy"),  # a zip archive of arrays
     ".html": ("an HTML page", rb"<!(?i:doctype html)"),
-    ".json": ("a JSON file", rb"[\[{]"),
+    "trials.json": ("a file of results (JSON)", rb'\[(\]|\n \{\n  "seed": )'),
+    "practice.json": ("a file of practice trials (JSON)", rb'\{\n "versions": '),
+    "query_states.json": ("a file of query states (JSON)", rb'\[(\]|\n \{\n  "trial": )'),
     ".png": ("a PNG picture", rb"\x89PNG\r\n\x1a\n"),
     ".svg": ("an SVG picture", rb"<\?xml|<svg"),
     ".yaml": ("a scenario of a measured part", rb"# A part that `haptic-skill part` has measured\."),
@@ -29,8 +31,10 @@ CONTENTS = {
     ".md": ("a scoreboard in Markdown", rb"# Scoreboard"),
     ".mcap": ("a log (MCAP)", rb"\x89MCAP0\r\n"),
     ".parquet": ("a recording or run (Parquet)", rb"PAR1"),
+    ".json": ("another JSON file", rb"\s*[\[{]"),
 }
-"""How the kinds of file begin, by the suffix that they usually have. No command replaces a single Parquet file."""
+"""How the kinds of file begin, by the suffix that they usually have, and the JSON files of this program by what they
+hold. No command replaces a single Parquet file, or another JSON file."""
 
 
 def check_folder(folder: Path, *, option: str = "--out", size: int = 0, name: str = "") -> None:

@@ -8,6 +8,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
+from experiments.outputs.output_checks import check_file
 from models.scenario import dump_scenario, load_scenario
 from skill.data.demonstration import read_demonstrations
 from skill.data.rig_run import read_rig_run
@@ -66,6 +67,7 @@ def test_demonstrations_and_skill_are_written_and_told(chain, folder):
 
 def test_every_run_is_recorded_with_the_result_that_the_json_has(chain, folder):
     results = json.loads((folder / "mine.json").read_text())
+    check_file(folder / "mine.json", "trials.json")  # may be replaced by the same command
     assert [(r["seed"], r["inserted"], r["reason"]) for r in results] == [(n, True, "inserted") for n in (5, 6)]
     assert "2 of 2 inserted" in chain["rig"]
     assert files(folder / "rig") == [

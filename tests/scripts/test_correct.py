@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from experiments.outputs.output_checks import check_file
 from models.scenario import dump_scenario
 from skill.data.demonstration import read_demonstrations, write_demonstration
 from skill.manipulation_skill import ManipulationSkill
@@ -48,6 +49,7 @@ def test_what_it_asks_for_can_be_shown_by_a_person(place, demonstration_folder, 
     assert "query states in which the skill got stuck" in done.output
     assert sorted(place.rglob("*")) == before
     query_states = read_query_states(tmp_path / "asked.json")
+    check_file(tmp_path / "asked.json", "query_states.json")  # may be replaced by the same command
     assert f"{len(query_states)} query states in" in done.output
     assert 1 <= len(query_states) <= 2
 

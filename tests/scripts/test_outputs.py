@@ -67,6 +67,15 @@ def test_the_copy_of_the_results_replaces_no_other_file_of_the_command(tmp_path,
     assert files(tmp_path) == ["skill.npz"]
 
 
+@pytest.mark.parametrize("command", [("rig",), ("arm", "--yes"), ("twin",), ("correct", "--ask")])
+def test_a_copy_replaces_no_json_file_of_something_else(tmp_path, skill_file, command):
+    (tmp_path / "mine.json").write_text('{"mine": 1}')
+    options = () if command == ("twin",) else ("--skill", skill_file)
+    line = error_line(invoke(*command, *options, "--json", tmp_path / "mine.json"))
+    assert "mine.json: is another JSON file, and is not replaced by a file of " in line
+    assert (tmp_path / "mine.json").read_text() == '{"mine": 1}'
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -6,6 +6,7 @@ import math
 import pytest
 from PIL import Image
 
+from experiments.outputs.output_checks import check_file
 from experiments.outputs.output_set import OutputSet
 from models.scenario import dump_scenario
 from skill.manipulation_skill import ManipulationSkill
@@ -39,6 +40,7 @@ def test_the_json_pairs_the_held_out_trials(practised):
     assert {p.name for p in folder.iterdir()} == {"quick.yaml", "practised.npz", "practised.json", "practised.png"}
     assert min(Image.open(folder / "practised.png").size) > 300
     record = json.loads((folder / "practised.json").read_text())
+    check_file(folder / "practised.json", "practice.json")  # may be replaced by the same command
     assert list(record) == ["versions", "scenario", "practice", "rounds", "held_out"]
     trials = record["held_out"]["trials"]
     assert [t["seed"] for t in trials] == [30, 31]

@@ -49,11 +49,19 @@ def test_too_little_room_is_refused_with_both_sizes(tmp_path):
 
 KINDS = {
     ".npz": b"PK\x03\x04" + bytes(26) + b"a.npy",
-    ".json": b"[]",
+    "trials.json": b'[\n {\n  "seed": 0',
+    "query_states.json": b'[\n {\n  "trial": 0',
+    "practice.json": b'{\n "versions": {',
     ".html": b"<!doctype html>",
     ".png": b"\x89PNG\r\n\x1a\n",
 }
-FOREIGN = {".parquet": b"PAR1", ".txt": b"mine", ".zip": b"PK\x03\x04" + bytes(26) + b"letter.xml"}
+FOREIGN = {
+    ".parquet": b"PAR1",
+    ".json": b'{"mine": 1}',
+    "list.json": b'[\n {\n  "mine": 1',
+    ".txt": b"mine",
+    ".zip": b"PK\x03\x04" + bytes(26) + b"letter.xml",
+}
 
 
 def test_only_a_file_of_the_same_kind_or_an_empty_one_is_replaced(tmp_path):
@@ -61,11 +69,13 @@ def test_only_a_file_of_the_same_kind_or_an_empty_one_is_replaced(tmp_path):
         (tmp_path / f"a{suffix}").write_bytes(content)
     for kind in KINDS:
         for path in sorted(tmp_path.iterdir()):
-            with nullcontext() if path.suffix in (kind, "") else pytest.raises(ValueError, match="is not replaced by"):
+            is_same = path.name in (f"a{kind}", "a")
+            with nullcontext() if is_same else pytest.raises(ValueError, match="is not replaced by"):
                 check_file(path, kind)
-    expected = r"--json .*a\.npz: is a skill file, and is not replaced by a JSON file; choose another --json"
-    with pytest.raises(ValueError, match=expected):
-        check_file(tmp_path / "a.npz", ".json", option="--json")
+    for name, found in (("a.npz", "a skill file"), ("a.json", "another JSON file")):
+        expected = rf"--json .*{name}: is {found}, and is not replaced by a file of results \(JSON\); choose another"
+        with pytest.raises(ValueError, match=expected):
+            check_file(tmp_path / name, "trials.json", option="--json")
 
 
 def test_a_file_of_a_set_and_its_index_are_not_replaced(tmp_path):
