@@ -35,9 +35,8 @@ OUT, PICTURES = ROOT / "out", ROOT / "docs" / "pictures"
 SIZE, WIDTH = (960, 820), 640  # of a replay, and of a film, in pixels
 RATE, SLOW = 6, 3  # pictures per second; times slower than it was
 LARGEST = 400_000  # bytes of a film
-UNUSED, NARROW = ".dg.main", ".dg.main, #dial-box, #arrows"
-"""The viewer's own controls; and what has no place where two replays stand side by side."""
-HIDE = "for (const part of document.querySelectorAll(arguments[0])) part.style.display = 'none'"
+NARROW = "for (const part of document.querySelectorAll('#dial-box, #arrows')) part.style.display = 'none'"
+"""Hides what has no place where two replays stand side by side."""
 
 
 def shell(command: str) -> None:
@@ -75,7 +74,8 @@ def film(name: str, shown: Callable[[], dict[str, Path]], *, end: float | None =
             made = write_replay(recording, page_file, title=title, skill=OUT / "skill.npz" if skill else None)
             with open_page(page_file, size=(SIZE[0] // 2, SIZE[1]) if narrow else SIZE) as page:
                 page.wait("window.replay && window.replay.ready")
-                page.run(HIDE, NARROW if narrow else UNUSED)
+                if narrow:
+                    page.run(NARROW)
                 films.append([])
                 for moment in np.arange(0.0, end or made.time[-1], 1 / RATE / SLOW).tolist():
                     page.run("window.replay.pause(); window.replay.seek(arguments[0])", moment)

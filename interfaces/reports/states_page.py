@@ -234,7 +234,10 @@ def _state_table(report: StatesReport, chips: Sequence[str]) -> str:
     """A row per state: the lengths of force and moment, and the channels, among others."""
     states = report.states
     columns = {
-        ("state", ""): [f"{chip} {html.escape(state.name)}" for chip, state in zip(chips, states, strict=True)],
+        ("state", ""): [  # no break after the sign of an axis, nor between a number and its unit
+            f"{chip} {html.escape(state.name).replace('-', '-&NoBreak;').replace(' N', '&nbsp;N')}"
+            for chip, state in zip(chips, states, strict=True)
+        ],
         ("time", "share"): [f"{100 * state.share:.0f} %" for state in states],
         ("visits", "a recording"): [
             f"{state.visits:.1f}<small>in {state.recordings} of {len(report.labelled)}</small>" for state in states

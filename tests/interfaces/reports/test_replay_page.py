@@ -49,6 +49,9 @@ def test_page_of_a_rig_run_shows_the_scene_and_the_sample_at_a_time_and_plays_to
         count, bottom = browser.run(corners)
         assert count > 200  # ends of lines: arcs of 32 facets at the rim, the chamfer, the floor and outside
         assert bottom == pytest.approx(-35.0)  # mm
+        assert browser.run("return document.querySelector('.dg.main').getClientRects().length") == 0  # over no panel
+        heights = browser.run("return [...document.querySelectorAll('#arrows div')].map(e => e.offsetHeight)")
+        assert max(heights) < 20  # a unit stays beside its number
         content = blankness(browser.screenshot())
         assert content.colours > 60
         assert content.drawn > 0.1

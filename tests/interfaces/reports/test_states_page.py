@@ -94,6 +94,7 @@ def test_the_table_of_states_worked_by_hand():
     page = states_page(report_of([labelled([0, 0, 0, 1, 1, 0], WRENCHES), labelled([0, 1], WRENCHES)]))
     rows = page.split("<tbody>")[1].split("</tbody>")[0].split("</tr>")
     cells = [re.findall(r"<td[^>]*>(.*?)</td>", row)[1:] for row in rows[:3]]
+    assert "</i> 8&nbsp;N along -&NoBreak;z</td>" in rows[1]  # no line ends between a sign and its axis
     assert cells[0][:4] == [
         "62 %",
         "1.5<small>in 2 of 2</small>",
@@ -171,4 +172,7 @@ def test_the_page_draws_the_series_and_reads_values_at_the_cursor(tmp_path):
         page.run("document.getElementById('show-2').click()")
         assert page.run(shown) == "none"
         assert page.run("return document.querySelector('h3').innerText").startswith(SLY)
+        page.driver.set_window_size(1000, 900)
+        shown, whole = page.run("const s = document.getElementById('states'); return [s.clientWidth, s.scrollWidth]")
+        assert whole == shown  # the last channel is not behind a scroll bar
         assert page.errors() == page.requests() == []
