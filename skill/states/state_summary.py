@@ -172,7 +172,7 @@ def _names(channels: Mapping[str, Array], states: NDArray[np.intp], n_states: in
 
 
 def _force_names(states: Sequence[Array]) -> list[str]:
-    """What the forces (3, n) of each state are; empty where they are small."""
+    """What the forces (3, n) of each state are; empty where they are small beside those of another state."""
     lengths = [float(np.median(np.linalg.norm(force, axis=0))) for force in states]
     names = []
     for force, length in zip(states, lengths, strict=True):
@@ -183,7 +183,7 @@ def _force_names(states: Sequence[Array]) -> list[str]:
         elif strength < STEADY * length:
             names.append(f"{short_number(length)} N in changing directions")
         else:
-            names.append(f"{short_number(strength)} N along {_direction(typical)}")
+            names.append(f"{short_number(strength)} N along {_direction(typical)}" if length else "no forces")
     return names
 
 

@@ -175,6 +175,7 @@ REFUSED = {
         (["time", "a", "fz"],),
         "snap.csv: no column for fx, fy; columns are ['time', 'a', 'fz']; say which one, e.g. fx=COLUMN:N",
     ),
+    "chosen": ((FORCE, "fx=time:N"), "snap.csv: no column for time beside fx=time; columns are ['time', 'fx',"),
     "moments": (([*FORCE, "mx"],), "snap.csv: no column for my, mz; columns are"),
     "quaternion": (([*FORCE, "qw", "qx", "qy"],), "snap.csv: no column for qz; columns are"),
     "unknown column": ((FORCE, "fx=a"), "snap.csv: no column 'a'; columns are ['time', 'fx', 'fy', 'fz']"),

@@ -84,6 +84,11 @@ def test_forces_that_change_their_direction_have_none():
     assert summarise_states([a], 1)[0].name == "8 N in changing directions"
 
 
+@pytest.mark.parametrize(("moment", "name"), [([0, 0, 0], "no forces"), ([0, 2, 0], "no forces, 2 N m about +y")])
+def test_a_recording_without_forces_says_so(moment, name):
+    assert names([[0, 0, 0, *moment], [0, 0, 0, 1.0, 0, 0]])[0] == name
+
+
 def test_moments_that_are_noise_are_not_named():
     a = labelled([0] * 50, WRENCHES[[1]])
     a.recording.values[:, 3:] = np.random.default_rng(0).normal(scale=0.1, size=(50, 3))
