@@ -138,9 +138,12 @@ def check_document(document: Any, schema: type, where: str, path: str = "") -> N
     Raises:
         ValueError: Naming ``where``, the key, what was found and what was expected.
     """
-    if not isinstance(document, dict):
-        raise ValueError(f"{where}: {path or 'the file'} is {brief(document)}, expected keys with values")
     known = {entry.name: entry.type for entry in fields(schema)}
+    if not isinstance(document, dict):
+        raise ValueError(
+            f"{where}: {path or 'the file'} is {'empty' if document is None else brief(document)},"
+            f" expected keys with values, of {sorted(known)}"
+        )
     for key, value in document.items():
         name = f"{path}.{key}" if path else str(key)
         if key not in known:

@@ -85,6 +85,7 @@ class InsertionEnv(gymnasium.Env[Any, Any]):
 
     Raises:
         ValueError: for an unknown scenario, set of trials, reward or render mode.
+        TypeError: for a policy that is none.
     """
 
     metadata: dict[str, Any] = {"render_modes": [RGB_ARRAY], "render_fps": 50}
@@ -102,6 +103,8 @@ class InsertionEnv(gymnasium.Env[Any, Any]):
     ) -> None:
         if reward not in REWARDS or render_mode not in (None, RGB_ARRAY):
             raise ValueError(f"reward is {reward!r}, expected one of {REWARDS}; render_mode is {render_mode!r}")
+        if policy is not None and not hasattr(policy, "estimator"):
+            raise TypeError(f"policy is {policy!r}, expected a policy such as a ManipulationSkill, or None")
         self._scenario = copy.deepcopy(scenario) if isinstance(scenario, Scenario) else load_scenario(scenario)
         self._scenario.contact.engine = engine or self._scenario.contact.engine
         validate_scenario(self._scenario)

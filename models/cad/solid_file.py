@@ -133,7 +133,7 @@ def _read_mesh(path: Path, scale: float) -> Any:
             with tempfile.TemporaryDirectory() as folder:
                 converted = Path(folder) / "part.glb"
                 cascadio.step_to_glb(str(path), str(converted), DEFLECTION, TURN)
-                mesh = trimesh.load_scene(converted).to_mesh()
+                mesh = trimesh.load_scene(converted).to_mesh() if converted.is_file() else trimesh.Trimesh()
             scale = 1.0
         else:
             mesh = trimesh.load_scene(path).to_mesh()

@@ -183,6 +183,7 @@ def test_a_factor_of_the_training_changes_the_demonstrations_of_every_policy_tha
         ("demonstrations: {select: first}\n" + PLAIN, "demonstrations.select is 'first', expected an import path"),
         ("policies: {a: {skill: x.npz, demonstrations: {good: 3}}}", "a skill file has learnt already"),
         ('policies: {"a\\nb": {learn: {}}}', "is no name, expected a printable one"),
+        ("", "the file is empty, expected keys with values, of ['clearance_rules',"),
         ("- a\n- b\n", "the file is ['a', 'b'], expected keys with values"),
         ("policies: [\n", "line"),
     ],

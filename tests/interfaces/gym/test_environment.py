@@ -122,6 +122,12 @@ def test_a_wrong_choice_is_named(arguments, message):
         InsertionEnv(**arguments)
 
 
+@pytest.mark.parametrize("policy", [3, "skill.npz"])
+def test_a_policy_that_is_none_is_named(policy):
+    with pytest.raises(TypeError, match=f"policy is {policy!r}, expected a policy such as a ManipulationSkill"):
+        InsertionEnv(policy=policy)
+
+
 @pytest.mark.parametrize(
     "action",
     [np.zeros(4), np.array([0.0, np.nan, 0.0]), [0.0, np.inf, 0.0], None],

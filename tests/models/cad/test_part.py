@@ -210,7 +210,7 @@ def test_files_in_inches_are_read_if_the_unit_is_given(tmp_path):
     [
         ("a.obj", "", "the suffix '.obj', expected one of"),
         ("a.stl", "nothing", "a.stl: "),
-        ("a.step", "nothing", "a.step: "),
+        *(("a.step", text, "a.step: no triangles in it, expected the surface of one body") for text in ("", "nothing")),
     ],
 )
 def test_files_that_hold_no_body_are_refused(tmp_path, name, text, message):
