@@ -114,6 +114,20 @@ Port = Annotated[
 ]
 
 
+def counted(number: int, noun: str) -> str:
+    """Returns a number with its noun, in the plural if need be."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def trial_numbers(first: int, count: int, option: str = "--seed") -> range:
+    """Returns the numbers of trials, each of which `haptic-skill rig --seed` can repeat; ``option`` gave the first."""
+    if first + count - 1 > MAX_SEED:
+        raise typer.BadParameter(
+            f"{option}: trials {first} to {first + count - 1}, expected numbers up to {MAX_SEED}, the largest seed"
+        )
+    return range(first, first + count)
+
+
 def read_scenario(name: str, engine: str | None = None, *, defaults: Scenario | None = None) -> Scenario:
     """Reads the scenario of a command; says what of it follows the geometry, and why its peg may not be inserted.
 

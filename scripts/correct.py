@@ -20,6 +20,7 @@ from scripts.command_line import (
     Seed,
     SkillFile,
     Verbose,
+    counted,
     path_option,
     read_scenario,
 )
@@ -111,8 +112,13 @@ def main(
     if ask:
         ask_only(skill, plan, scenario=scenario, engine=engine, json=json, jobs=jobs)
         return
-    folder = corrections or Path("out/live_corrections" if live else "out/corrections")
-    files = (skill, demonstrations, folder, out, plan)
+    files = (
+        skill,
+        demonstrations,
+        corrections or Path("out/live_corrections" if live else "out/corrections"),
+        out,
+        plan,
+    )
     if live:
         page: dict[str, Any] = {"driver": driver, "host": host, "port": port, "verbose": verbose}
         correct_live(*files, scenario=scenario, engine=engine, jobs=jobs, **page)
@@ -141,7 +147,10 @@ def ask_only(
     if json is not None:
         with named_errors(json, "the skill is unchanged"):
             write_json(json, [trial.query_state.record() for trial in stuck])
-        say(f"{len(stuck)} query states in {json}; demonstrate them: haptic-skill record --live --asked {json}")
+        say(
+            f"{counted(len(stuck), 'query state')} in {json};"
+            f" demonstrate them: haptic-skill record --live --asked {json}"
+        )
 
 
 def practise(
@@ -290,7 +299,7 @@ def correct_simulated(
                     files.write(index.files[k], partial(write_demonstration, shown))
                     advance(f"{shown.reason}, {shown.duration:.1f} s")
             files.complete()
-        say(f"{len(query_states)} corrections in {folder_of(number)}")
+        say(f"{counted(len(query_states), 'correction')} in {folder_of(number)}")
         folders.append(folder_of(number))
         return True
 

@@ -19,6 +19,7 @@ from scripts.command_line import (
     Trials,
     Verbose,
     read_scenario,
+    trial_numbers,
 )
 from scripts.correct import correct_simulated
 from scripts.record import record
@@ -75,7 +76,7 @@ def main(
     from skill.data.files import write_atomically
     from skill.manipulation_skill import ManipulationSkill
 
-    start_time, performed_in = time.monotonic(), engine or "exact"
+    start_time, performed_in, numbers = time.monotonic(), engine or "exact", trial_numbers(seed * trials, trials)
     recorded, inserted, skill_file, state_file = out / "demonstrations", out / "rig", out / SKILL, out / UNFINISHED
     text = dump_scenario(read_scenario(scenario, engine))
     request = {**{"good": good, "bad": bad, "trials": trials, "seed": seed}, "scenario": text, "versions": versions()}
@@ -103,9 +104,16 @@ def main(
         if "skill" not in finished and performed_in == "exact":
             beside.start()
         with ExitStack() if verbose else only_progress():
-            is_old = "record" not in finished
             recordings = record(
-                recorded, good, bad, seed, scenario, jobs, engine=engine, overwrite=is_old, verbose=verbose
+                recorded,
+                good,
+                bad,
+                seed,
+                scenario,
+                jobs,
+                engine=engine,
+                overwrite="record" not in finished,
+                verbose=verbose,
             )
             finish("record")
             if "skill" not in finished:
@@ -118,16 +126,15 @@ def main(
                 files = (skill_file, recorded, out / "corrections", skill_file)
                 correct_simulated(*files, plan, scenario=scenario, engine=performed_in, jobs=jobs, overwrite=True)
                 finish("skill")
-            first, is_old = seed * trials, "rig" not in finished
             rig.main(
                 skill_file,
                 trials,
-                first,
+                numbers.start,
                 scenario=scenario,
                 engine=performed_in,
                 out=inserted,
                 jobs=jobs,
-                overwrite=is_old,
+                overwrite="rig" not in finished,
             )
             finish("rig")
         skill, results = ManipulationSkill.load(skill_file), rig.read_results(inserted)

@@ -44,11 +44,9 @@ def export_lerobot(folder: Folder, out: Out, skill: OptionalSkillFile = None, ov
     if dataset_files(out) is not None and not overwrite:
         raise ValueError(f"{out}: holds a data set; choose another OUT, or add --overwrite to replace it")
     check_new_folder(out, files_of=dataset_files)
-    learnt = None
     if skill is not None and are_runs:
-        say("The rig runs contain their own contact states; --skill was not used.")
-    elif skill is not None:
-        learnt = ManipulationSkill.load(skill)
+        raise ValueError(f"{folder}: rig runs, which contain their own contact states; expected no --skill")
+    learnt = ManipulationSkill.load(skill) if skill is not None else None
     with new_folder(out, files_of=dataset_files) as staged, named_errors(out, "the recordings are unchanged"):
         fps, first = rate_and_features(paths, are_runs, learnt)
         writer = LeRobotWriter(staged, fps=fps, features=first, robot=ROBOTS[kind])

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scripts.command_line import MAX_SEED, Engine, Jobs, OutFile, ScenarioName, Seed, SkillFile, read_scenario
+from scripts.command_line import (
+    MAX_SEED,
+    Engine,
+    Jobs,
+    OutFile,
+    ScenarioName,
+    Seed,
+    SkillFile,
+    read_scenario,
+    trial_numbers,
+)
 
 if TYPE_CHECKING:
     from experiments.outputs.output_set import OutputSet
@@ -92,6 +102,7 @@ def main(
     from skill.figures.practice_figure import plot_practice
     from skill.manipulation_skill import ManipulationSkill
 
+    numbers = trial_numbers(held_out_seed, held_out, option="--held-out-seed")
     first, chosen = ManipulationSkill.load(skill), read_scenario(scenario, engine)
     practice = Practice(rounds=rounds, starts=starts, checks=checks, seed=seed)
     trials_file, figure_file = out.with_suffix(".json"), out.with_suffix(".png")
@@ -127,9 +138,9 @@ def main(
                     cost = f"cost of the check {np.mean(r.check.costs):.2f} s"
                     say(f"round {len(done) - 1}: {cost}; best skill so far in {files.path(BEST)}")
             tasks = [
-                partial(run_trial, trial_scenario(chosen, number=held_out_seed + k), policy, seed=held_out_seed + k)
+                partial(run_trial, trial_scenario(chosen, number=number), policy, seed=number)
                 for policy in (first, done[-1].skill)
-                for k in range(held_out)
+                for number in numbers
             ]
             with progress("held-out trials", 2 * held_out) as advance:
                 runs = kept_trials(files, jobs, advance)(dict(zip(held_out_names, tasks, strict=True)))

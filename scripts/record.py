@@ -22,6 +22,7 @@ from scripts.command_line import (
     Port,
     Seed,
     Verbose,
+    counted,
     path_option,
     read_scenario,
 )
@@ -36,6 +37,7 @@ FIGURE = "demonstrations.png"
 
 
 def main(
+    context: typer.Context,
     out: OptionalOutFolder = None,
     good: Good = 24,
     bad: Bad = 6,
@@ -77,8 +79,12 @@ def main(
 
         haptic-skill record --good 8 --bad 2 --out out/few
     """
-    if live and overwrite:
-        raise typer.BadParameter("--overwrite is not for --live: live recordings are never deleted")
+    simulated = map(context.get_parameter_source, ("good", "bad", "jobs", "overwrite"))
+    if live and any(source is not None and source.name != "DEFAULT" for source in simulated):
+        raise typer.BadParameter(
+            "--good, --bad, --jobs and --overwrite are not for --live: a person demonstrates, and live recordings are"
+            " never deleted"
+        )
     if not live and {driver, host, port, asked, observer} != {None}:
         raise typer.BadParameter("--driver, --host, --port, --asked and --observer need --live")
     if live:
@@ -161,7 +167,7 @@ def record(
         files.write(FIGURE, partial(save_figure, plot_set(ordered, rough_force=chosen.recorder.rough_force)))
     produced = max(0.0, *(-1e3 * d.metadata["lowest_probe_energy_J"] for d in ordered))
     say(f"the haptic display produced at most {produced:.3f} mJ of energy in a demonstration")
-    say(f"{len(ordered)} demonstrations in {out}; open {out / FIGURE}: outcomes, forces and times")
+    say(f"{counted(len(ordered), 'demonstration')} in {out}; open {out / FIGURE}: outcomes, forces and times")
     return [out / name for name in requested]
 
 
@@ -218,9 +224,11 @@ def record_live(
         PolicyObserver(skill).watch([0.0] * 7, [0.0] * 2)
 
     def start_of(number: int) -> Scenario:
-        if query_states:
-            return asked_scenario(chosen, query_states, seed=seed, number=number)
-        return live_scenario(chosen, seed=seed, number=number)
+        return (
+            asked_scenario(chosen, query_states, seed=seed, number=number)
+            if query_states
+            else live_scenario(chosen, seed=seed, number=number)
+        )
 
     for number in range(max(1, len(query_states))):  # all are checked before the page opens
         start_of(number)
@@ -228,7 +236,7 @@ def record_live(
     chosen = pace.scenario
     with announced_page(margins, pace, host=host, port=port, verbose=verbose) as page:
         kept = LiveSession(start_of=start_of, out=out, page=page, announce=say, driver=driver, policy=skill).run()
-    say(f"{len(kept)} demonstrations kept in {out}")
+    say(f"{counted(len(kept), 'demonstration')} kept in {out}")
     return kept
 
 

@@ -20,6 +20,7 @@ from scripts.command_line import (
     find_skill,
     path_option,
     read_scenario,
+    trial_numbers,
 )
 
 if TYPE_CHECKING:
@@ -85,14 +86,14 @@ def main(
     from experiments.outputs.output_set import RUNS, SetIndex, open_set
     from experiments.provenance import versions
     from experiments.trial.run_trial import run_trials
-    from experiments.trial.trial_set import TrialSet
+    from experiments.trial.trial_set import TrialSet, trial_scenario
     from interfaces.terminal import progress, say
     from models.scenario import dump_scenario, validate_scenario
     from skill.data.rig_run import write_rig_run
     from skill.manipulation_skill import ManipulationSkill
 
     skill = find_skill(skill)
-    policy, numbers = ManipulationSkill.load(skill), range(seed, seed + trials)
+    policy, numbers = ManipulationSkill.load(skill), trial_numbers(seed, trials)
     chosen = read_scenario(scenario, engine)
     if tilt_deg is not None:
         chosen.start.tilt_range = math.radians(tilt_deg)
@@ -117,14 +118,17 @@ def main(
             say(f"{len(done)} of {trials} trials are there already")
             write_results(runs, done)
         missing = [number for number in numbers if number not in done]
+        for number in missing:  # all are checked before the first is performed
+            trial_scenario(chosen, number=number, trial_set=TrialSet(trials_of))
         with progress("rig trials", len(missing)) as advance:
             for result, record in run_trials(chosen, policy, missing, jobs=jobs, trial_set=TrialSet(trials_of)):
                 runs.write(RUN.format(result.seed), partial(write_rig_run, record))
                 done[result.seed] = result
                 write_results(runs, done)  # after each, so that they agree with the runs
                 advance(f"trial {result.seed}: {result.reason}, {result.time:.1f} s")
-        made_by = {"skill": str(skill), **versions()}
-        results = finish(runs, done, out, copy, made_by=made_by, scenario=dump_scenario(chosen))
+        results = finish(
+            runs, done, out, copy, made_by={"skill": str(skill), **versions()}, scenario=dump_scenario(chosen)
+        )
     show_results(results, out)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scripts.command_line import Seed, parse_path, path_option, text_option
+from scripts.command_line import Seed, counted, parse_path, path_option, text_option
 
 if TYPE_CHECKING:
     from skill.recordings.recording import Recording
@@ -128,13 +128,10 @@ def main(
     sources = find_sources(files)
     tables = [state_table_path(source, labels) for source in sources]
     check_file(out, ".html", size=REPORT_SIZE)
-    owners: dict[Path, Path] = {}
-    for source, path in zip(sources, tables, strict=True):
+    for path in tables:
         check_file(path, ".csv", option="--labels")
-        other = owners.setdefault(path.resolve(), source)
-        if other != source:
-            raise ValueError(f"{other} and {source} would share the table of states {path}; rename one of them")
-        require_distinct({"--out": out, "the table of states": path})
+    owned = {f"the table of states of {source}": path for source, path in zip(sources, tables, strict=True)}
+    require_distinct({"--out": out, **owned})
     options: dict[str, Any] = {
         **{"columns": tuple(columns), "trial_column": trial_column, "phase_column": phase_column},
         **{"topic": topic, "feature": feature, "sampling_rate": sampling_rate, "decimal": decimal},
@@ -159,7 +156,7 @@ def main(
         page = states_page(
             StatesReport(
                 title=f"contact states of {_listed([source.resolve().name for source in sources])}",
-                about=f"{len(recordings)} recordings in {_count(len(sources), 'file')}",
+                about=f"{len(recordings)} recordings in {counted(len(sources), 'file')}",
                 method=_method(learner),
                 labelled=labelled,
                 states=states,
@@ -169,7 +166,7 @@ def main(
         )
         first = 0
         for done, (found, path) in enumerate(zip(by_source, tables, strict=True)):
-            with named_errors(path, f"the recordings are unchanged; {done} of {_count(len(tables), 'table')} written"):
+            with named_errors(path, f"the recordings are unchanged; {done} of {counted(len(tables), 'table')} written"):
                 write_state_table(path, labelled[first : first + len(found)])
             first += len(found)
         with named_errors(out, "the recordings are unchanged and the tables of states complete"):
@@ -177,7 +174,7 @@ def main(
     show(discovered_table(states))
     if agreement is not None:
         show(phase_table(agreement))
-    say(f"{_count(len(states), 'contact state')} in {_count(len(recordings), 'recording')}")
+    say(f"{counted(len(states), 'contact state')} in {counted(len(recordings), 'recording')}")
     say(f"states of the samples in {_listed([str(path) for path in tables])}")
     say(f"open {out}: the states, and every recording over them")
 
@@ -193,7 +190,7 @@ def find_sources(files: Sequence[Path]) -> list[Path]:
     if not sources:
         raise ValueError(f"{files[0]}: a table of states; expected recordings")
     if len(sources) < len(files):
-        say(f"{_count(len(files) - len(sources), 'table')} of states among the files, not read")
+        say(f"{counted(len(files) - len(sources), 'table')} of states among the files, not read")
     resolved = [path.resolve() for path in sources]
     for path in sources:
         if resolved.count(path.resolve()) > 1:
@@ -251,8 +248,8 @@ def learn(recordings: Sequence[Recording], seed: int) -> tuple[ContactStates, li
 def _method(learner: ContactStates) -> str:
     """How the states were found, in three sentences."""
     return (
-        f"Competitive Agglomeration found {_count(learner.components_.n_clusters_, 'component')} in the samples of all"
-        f" recordings, without labels, and {_count(learner.n_clusters_, 'set')} of them: these are the states. A set"
+        f"Competitive Agglomeration found {counted(learner.components_.n_clusters_, 'component')} in the samples of all"
+        f" recordings, without labels, and {counted(learner.n_clusters_, 'set')} of them: these are the states. A set"
         " that few recordings have belongs to the state whose place it takes. A hidden Markov model learnt how one"
         " follows another, and found the most probable path of each recording."
     )
@@ -284,13 +281,9 @@ def _what_was_read(read: Sequence[tuple[int, float, float]]) -> str:
     return f"read {sum(counts)} samples at {ends[0]} Hz; a recording lasts {ends[1]} s"
 
 
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
-
-
 def _listed(names: Sequence[str]) -> str:
     """The first and the number of the others."""
-    return names[0] if len(names) == 1 else f"{names[0]} and {_count(len(names) - 1, 'other')}"
+    return names[0] if len(names) == 1 else f"{names[0]} and {counted(len(names) - 1, 'other')}"
 
 
 def state_table_path(source: Path, folder: Path | None) -> Path:

@@ -109,9 +109,11 @@ def read_motion(path: Path, skill: Path | None = None) -> Motion:
         skill: file of a trained skill that estimates the contact states of a demonstration. A rig run contains its own.
 
     Raises:
-        ValueError: if a file is missing or invalid; the message names it.
+        ValueError: if a file is missing or invalid, or a rig run is given a skill; the message names it.
     """
     if is_rig_run(path):
+        if skill is not None:
+            raise ValueError(f"{path}: a rig run, which contains its own contact states; expected no --skill")
         return motion_of_run(read_rig_run(path), where=str(path))
     learnt = None
     if skill is not None:

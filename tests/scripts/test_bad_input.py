@@ -41,6 +41,13 @@ def test_an_option_that_replaces_a_value_is_checked_like_the_scenario(tmp_path, 
     assert files(tmp_path) == []
 
 
+def test_a_trial_that_cannot_begin_is_named_before_there_is_a_progress_bar(tmp_path, skill_file):
+    result = invoke("rig", "--skill", skill_file, "--out", tmp_path / "rig", "--tilt-deg", 80)
+    assert "expected below 5.72 deg, the largest tilt at which this peg enters this hole" in error_line(result)
+    assert result.stdout == ""
+    assert files(tmp_path) == []
+
+
 def test_overwriting_with_a_bad_scenario_removes_nothing(tmp_path, demonstration_folder):
     kept = tmp_path / "mine.parquet"
     kept.write_bytes((demonstration_folder / "000.parquet").read_bytes())

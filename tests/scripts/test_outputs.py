@@ -84,6 +84,10 @@ def test_a_copy_replaces_no_json_file_of_something_else(tmp_path, skill_file, co
         ("rig", "--trials", "99999999999"),
         ("practise", "--starts", "99999999999"),
         ("record", "--live", "--overwrite"),
+        *(("record", "--live", "--scenario", "nowhere", option, 3) for option in ("--good", "--bad", "--jobs")),
+        ("rig", "--scenario", "nowhere", "--trials", 3, "--seed", 2**32 - 1),
+        ("demo", "--scenario", "nowhere", "--trials", 3, "--seed", 2**31),
+        ("practise", "--held-out", 3, "--held-out-seed", 2**32 - 1),
         ("rig", "--skill", "zz\udcff.npz"),  # not UTF-8
         ("replay", "--out", "zz\udcff.html"),
     ],

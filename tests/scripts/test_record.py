@@ -85,6 +85,7 @@ def test_the_margins_are_a_line_or_a_table(tmp_path, quick):
     done = invoke("record", "--out", tmp_path / "out", *few, columns=80)
     assert "the coupling is stable: smallest margin x" in done.output
     assert "the haptic display produced at most 0." in done.output
+    assert "\n1 demonstration in " in done.output
     assert "stability margins of the coupling" not in done.output
     assert "stability margins of the coupling" in invoke("record", "--out", tmp_path / "out", *few, "--verbose").output
 

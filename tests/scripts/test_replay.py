@@ -26,6 +26,8 @@ def test_page_is_written_to_the_given_file(tmp_path):
     assert '<p class="about">rig run: inserted</p>' in text
     assert not run_file.with_suffix(".html").exists()
     assert "is the recording; choose another file" in error_line(replay(run_file, "--out", run_file))
+    line = error_line(replay(run_file, "--skill", "skill.npz"))
+    assert line.endswith("run.parquet: a rig run, which contains its own contact states; expected no --skill")
 
 
 def test_page_is_written_beside_the_recording_with_the_given_speed(tmp_path):

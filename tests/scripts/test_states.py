@@ -159,7 +159,10 @@ def test_what_is_no_set_of_recordings_is_one_error_that_names_it(tmp_path):
         ([first], "insert_0.csv: a single recording, expected two or more"),
         ([first, second, tmp_path / "b" / ".." / "insert_1.csv"], "given twice"),
         ([first, tmp_path / "forces.csv"], "forces.csv has the channels fx fy fz, but insert_0.csv has fx fy fz mx"),
-        ([first, same_name, "--labels", tmp_path / "c"], f"{first} and {same_name} would share the table of states"),
+        (
+            [first, same_name, "--labels", tmp_path / "c"],
+            f"states of {first} and the table of states of {same_name} are the same file",
+        ),
         ([tmp_path / "a.states.csv"], "a table of states; expected recordings"),
         ([first, second, "--rate", "nan"], "expected a positive number of Hz"),
     ):

@@ -64,7 +64,7 @@ def test_demonstrations_with_an_inverse3_are_kept_and_a_lost_service_is_one_line
         found = session.wait_for(r"device lost \(device driver 'inverse3': Haply Inverse Service at 127\S+ .*\)", 30.0)
         assert "Traceback" not in found.string
         press(QUIT)
-        session.wait_for("1 demonstrations kept", 20.0)
+        session.wait_for("1 demonstration kept", 20.0)
     found = read_demonstration(tmp_path / "out" / "000_good_live.parquet")
     assert found.good
     assert not found.samples.empty

@@ -178,7 +178,7 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         wait_for_text(page, "status", "session over")
         assert session.process.wait(30) == 0
         assert all("WebSocket" in e for e in page.errors())  # the scene's server has gone
-    session.wait_for("1 demonstrations kept")
+    session.wait_for("1 demonstration kept")
     example = read_demonstration(tmp_path / "out" / "000_good_live.parquet")
     assert (example.good, example.outcome, example.metadata["habit"]) == (True, "inserted", "live")
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["000_good_live.parquet", "index.json"]
