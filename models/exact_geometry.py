@@ -229,6 +229,23 @@ def side_gap(
 
 
 @register_jitable(inline="always")
+def around_tip(
+    beside: Any, r_x: Any, r_y: Any, r_z: Any, off: Any, along: Any, a_x: Any, a_y: Any, a_z: Any
+) -> tuple[Any, ...]:
+    """Returns what `edge_gap` does, from what `side_gap` returns and from the axis of the peg."""
+    below = -along
+    above = below <= 0.0
+    corner = (below > 0.0) & (beside > 0.0)
+    under = 1 - above - corner
+    gap = above * np.maximum(beside, below) + corner * np.sqrt(beside * beside + below * below) + under * below
+    side = above & (beside >= below)
+    reach = np.maximum(gap, TINY)
+    w = (side + corner * beside / reach) / np.maximum(off, TINY)
+    h = 1 - side - corner + corner * below / reach
+    return gap, h * a_x - w * r_x, h * a_y - w * r_y, h * a_z - w * r_z, side
+
+
+@register_jitable(inline="always")
 def edge_gap(
     piece: Array, d_x: Any, d_y: Any, d_z: Any, u_x: Any, u_y: Any, u_z: Any, v_x: Any, v_y: Any, v_z: Any
 ) -> tuple[Any, ...]:
@@ -251,16 +268,7 @@ def edge_gap(
     """
     beside, r_x, r_y, r_z, off, along = side_gap(piece, d_x, d_y, d_z, u_x, u_y, u_z, v_x, v_y, v_z)
     a_x, a_y, a_z = u_y * v_z - u_z * v_y, u_z * v_x - u_x * v_z, u_x * v_y - u_y * v_x
-    below = -along
-    above = below <= 0.0
-    corner = (below > 0.0) & (beside > 0.0)
-    under = 1 - above - corner
-    gap = above * np.maximum(beside, below) + corner * np.sqrt(beside * beside + below * below) + under * below
-    side = above & (beside >= below)
-    reach = np.maximum(gap, TINY)
-    w = (side + corner * beside / reach) / np.maximum(off, TINY)
-    h = 1 - side - corner + corner * below / reach
-    return gap, h * a_x - w * r_x, h * a_y - w * r_y, h * a_z - w * r_z, side
+    return around_tip(beside, r_x, r_y, r_z, off, along, a_x, a_y, a_z)
 
 
 @compiled
@@ -287,7 +295,8 @@ def edge_point_gap(surface: Any, d_x: float, d_y: float, d_z: float, pose: Pose)
     if along > MARGIN and outside > -MARGIN:
         w = 1.0 / max(off, TINY)
         return outside, -w * r_x, -w * r_y, -w * r_z, True
-    return edge_gap(surface, d_x, d_y, d_z, u_x, u_y, u_z, v_x, v_y, v_z)
+    a_x, a_y, a_z = u_y * v_z - u_z * v_y, u_z * v_x - u_x * v_z, u_x * v_y - u_y * v_x
+    return around_tip(outside, r_x, r_y, r_z, off, along, a_x, a_y, a_z)
 
 
 @compiled

@@ -50,9 +50,9 @@ WORK = 3, MAX_IMPULSES, MAX_IMPULSES
 """Shape of the array in which contacts are solved: two matrices, and rows of a third."""
 
 MOBILITY, SLOPE, ROWS = range(3)
-FREE, IMPULSE, GUESS, TRIAL, ERROR, CHANGE = range(6)
+FREE, IMPULSE, GUESS, TRIAL, ERROR, CHANGE, COSINE, SINE, LARGE, SMALL = range(10)
 """Places in this array: change of the velocities (m/s) by the impulses (N s), derivatives of the violations, and rows;
-these are the velocities without contact, the impulses, and what the solvers try, m/s or N s."""
+these are the velocities without contact, the impulses, what the solvers try, m/s or N s, and `principal_axes`."""
 
 
 @compiled
@@ -72,8 +72,28 @@ def normal_impulse(law: ContactLaw, step: float, gap: float, free: float, mobili
 
 
 @compiled
+def principal_axes(m_xx: float, m_xy: float, m_yy: float) -> tuple[float, float, float, float]:
+    """Returns the first principal axis of the sliding mobility of a contact, and its two principal values, m/s/(N s).
+
+    Args:
+        m_xx: change of the sliding velocity with the impulse, m/s/(N s), a symmetric matrix.
+        m_xy: likewise.
+        m_yy: likewise.
+    """
+    mean, difference = 0.5 * (m_xx + m_yy), 0.5 * (m_xx - m_yy)
+    radius = math.hypot(difference, m_xy)
+    along = 0.5 * (1.0 + difference / radius) if radius > 0.0 else 1.0
+    return (
+        math.sqrt(along),
+        math.copysign(math.sqrt(1.0 - along), m_xy),
+        mean + radius,
+        max(mean - radius, 1e-9 * (mean + radius)),
+    )
+
+
+@compiled
 def friction_impulse(
-    limit: float, u_x: float, u_y: float, m_xx: float, m_xy: float, m_yy: float
+    limit: float, u_x: float, u_y: float, c: float, s: float, large: float, small: float
 ) -> tuple[float, float]:
     """Returns the impulse (2,) of friction (N s): it stops sliding, or has the size ``limit`` and opposes sliding.
 
@@ -81,22 +101,17 @@ def friction_impulse(
         limit: largest impulse, N s.
         u_x: sliding velocity without this impulse, m/s.
         u_y: its other component.
-        m_xx: change of the sliding velocity with the impulse, m/s/(N s), a symmetric matrix.
-        m_xy: likewise.
-        m_yy: likewise.
+        c: of the mobility, see `principal_axes`, as the next three.
+        s: second component of the axis.
+        large: value along the axis.
+        small: value across the axis.
     """
-    # In the frame of the principal axes of the mobility.
-    mean, difference = 0.5 * (m_xx + m_yy), 0.5 * (m_xx - m_yy)
-    radius = math.hypot(difference, m_xy)
-    along = 0.5 * (1.0 + difference / radius) if radius > 0.0 else 1.0
-    c, s = math.sqrt(along), math.copysign(math.sqrt(1.0 - along), m_xy)
-    large, small = mean + radius, max(mean - radius, 1e-9 * (mean + radius))
+    if limit <= 0.0:
+        return 0.0, 0.0
     first, second = c * u_x + s * u_y, c * u_y - s * u_x
     # Friction p opposes the velocity: (mobility + lag) p = -free, with the smallest lag >= 0 that keeps p in the limit.
     lag = 0.0
     x, y = -first / large, -second / small
-    if limit <= 0.0:
-        return 0.0, 0.0
     for _ in range(30):
         size = math.hypot(x, y)
         if size <= limit * (1.0 + 1e-12):
@@ -123,12 +138,8 @@ def gauss_seidel(law: ContactLaw, step: float, contacts: Array, m: int, work: Ar
                 if k != i + 1 and k != i + 2:
                     x += work[MOBILITY, i + 1, k] * work[ROWS, GUESS, k]
                     y += work[MOBILITY, i + 2, k] * work[ROWS, GUESS, k]
-            m_xx, m_xy, m_yy = (
-                work[MOBILITY, i + 1, i + 1],
-                work[MOBILITY, i + 1, i + 2],
-                work[MOBILITY, i + 2, i + 2],
-            )
-            x, y = friction_impulse(law.friction * normal, x, y, m_xx, m_xy, m_yy)
+            c, s = work[ROWS, COSINE, i], work[ROWS, SINE, i]
+            x, y = friction_impulse(law.friction * normal, x, y, c, s, work[ROWS, LARGE, i], work[ROWS, SMALL, i])
             work[ROWS, GUESS, i + 1], work[ROWS, GUESS, i + 2] = x, y
 
 
@@ -293,6 +304,10 @@ def solve_contacts(
     for i in range(m):
         work[MOBILITY, i, i] = work[MOBILITY, i, i] * (1.0 + SOFTENING) + TINY
         work[ROWS, GUESS, i] = work[ROWS, IMPULSE, i]
+    for i in range(0, m, 3):
+        m_xx, m_xy, m_yy = work[MOBILITY, i + 1, i + 1], work[MOBILITY, i + 1, i + 2], work[MOBILITY, i + 2, i + 2]
+        c, s, large, small = principal_axes(m_xx, m_xy, m_yy)
+        work[ROWS, COSINE, i], work[ROWS, SINE, i], work[ROWS, LARGE, i], work[ROWS, SMALL, i] = c, s, large, small
     rounds = 0
     while m > 0 and rounds < ROUNDS:
         gauss_seidel(law, step, contacts, m, work, SWEEPS << rounds)

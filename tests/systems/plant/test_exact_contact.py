@@ -14,6 +14,7 @@ from systems.plant.exact_contact import (
     WORK,
     friction_impulse,
     normal_impulse,
+    principal_axes,
     set_frame,
     solve_contacts,
 )
@@ -38,7 +39,7 @@ def test_the_normal_impulse_obeys_the_law_at_the_end_of_the_step(gap, free, mobi
 def test_friction_sticks_or_opposes_sliding_with_its_limit(x, y, first, second, coupling, limit):
     free, off = np.array([x, y]), coupling * np.sqrt(first * second)
     mobility = np.array([[first, off], [off, second]])
-    p = np.array(friction_impulse(limit, x, y, first, off, second))
+    p = np.array(friction_impulse(limit, x, y, *principal_axes(first, off, second)))
     slide, size = free + mobility @ p, np.linalg.norm(p)
     assert size <= limit * (1.0 + 1e-9)
     if size < limit * (1.0 - 1e-6):
