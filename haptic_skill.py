@@ -5,6 +5,7 @@ It lies outside the packages, so that it can report another package that hides o
 
 from __future__ import annotations
 
+import os
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -15,6 +16,7 @@ PACKAGES = ("models", "skill", "systems", "experiments", "interfaces", "scripts"
 def main() -> None:
     """Checks that the packages found are ours, then runs the command."""
     check_packages()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: more threads only cost time
     from scripts.haptic_skill import app
 
     app(prog_name="haptic-skill")

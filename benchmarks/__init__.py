@@ -4,8 +4,11 @@ A benchmark imports all that it needs at its top. Started as a command without o
 that installs it in one line.
 """
 
+import os
 import sys
 from types import TracebackType
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported; see `haptic_skill.main`
 
 from interfaces.terminal import fail_without_extra
 

@@ -92,12 +92,21 @@ def clock_rate(skill: ManipulationSkill, numbers: list[int], *, jobs: int) -> fl
 
 def rate_of(checkout: Path, trials: int) -> float:
     """Returns trials a minute and core of a checkout, by its own benchmark."""
-    command = [checkout.resolve() / ".venv/bin/python", "-m", "benchmarks.throughput", "--compared", "2"]
+    python = str(checkout.resolve() / ".venv/bin/python")
     with tempfile.TemporaryDirectory() as folder:
         found = Path(folder, "found.json")
-        subprocess.run(
-            [*command, "--trials", str(trials), "--json", found], cwd=checkout, check=True, stdout=subprocess.DEVNULL
-        )
+        command = [
+            python,
+            "-m",
+            "benchmarks.throughput",
+            "--compared",
+            "2",
+            "--trials",
+            str(trials),
+            "--json",
+            str(found),
+        ]
+        subprocess.run(command, cwd=checkout, check=True, stdout=subprocess.DEVNULL)
         return float(json_file.loads(found.read_text())["trials_per_minute_core"])
 
 
