@@ -95,18 +95,8 @@ def rate_of(checkout: Path, trials: int) -> float:
     python = str(checkout.resolve() / ".venv/bin/python")
     with tempfile.TemporaryDirectory() as folder:
         found = Path(folder, "found.json")
-        command = [
-            python,
-            "-m",
-            "benchmarks.throughput",
-            "--compared",
-            "2",
-            "--trials",
-            str(trials),
-            "--json",
-            str(found),
-        ]
-        subprocess.run(command, cwd=checkout, check=True, stdout=subprocess.DEVNULL)
+        options = f"-m benchmarks.throughput --compared 2 --trials {trials} --json".split()
+        subprocess.run([python, *options, str(found)], cwd=checkout, check=True, stdout=subprocess.DEVNULL)
         return float(json_file.loads(found.read_text())["trials_per_minute_core"])
 
 

@@ -63,7 +63,8 @@ DIP = REACH
 """By how much a gap is lower between two samples than at the nearer one, at most, m."""
 
 MARGIN, ROUND_OFF = 1e-4, 1e-12
-"""How far (m) a curve is from where another surface is nearer; and the round-off of a multiple of a slope."""
+"""A surface is the nearest one if a curve overlaps it by less, and is further from the others (m); and the largest
+round-off of a multiple of a slope."""
 
 MAX_SEARCH = 60
 FLAT, NARROW, SHALLOW = 1e-10, 2e-3, 1e-14
@@ -387,7 +388,7 @@ def signs_of_slopes(
     """
     p_x, p_y, p_z, u_x, u_y, u_z, v_x, v_y, v_z = pose
     kind, size, c_x, c_y = other[KIND], other[SIZE], other[X], other[Y]
-    others = 0
+    elsewhere = 0
     if circle == RIM:
         for k in range(end - begin):
             x, y, t_x, t_y = samples[1, begin + k], samples[2, begin + k], samples[3, begin + k], samples[4, begin + k]
@@ -397,26 +398,22 @@ def signs_of_slopes(
             else:
                 r_x, r_y = kind * d_x, kind * d_y
                 overlaps = kind * (d_x * d_x + d_y * d_y - size * size) > MARGIN * size
-            others += overlaps | (q_z > -chamfer - MARGIN)
+            elsewhere += overlaps | (q_z > -chamfer - MARGIN)
             found[1, k] = -t_x * (r_x * u_x + r_y * u_y) - t_y * (r_x * v_x + r_y * v_y)
-        return others == 0
+        return elsewhere == 0
     a_x, a_y, a_z = u_y * v_z - u_z * v_y, u_z * v_x - u_x * v_z, u_x * v_y - u_y * v_x
     d_z = height_of(chamfer, circle) - p_z
     for k in range(end - begin):
-        d_x, d_y, t_x, t_y = (
-            samples[1, begin + k] - p_x,
-            samples[2, begin + k] - p_y,
-            samples[3, begin + k],
-            samples[4, begin + k],
-        )
+        d_x, d_y = samples[1, begin + k] - p_x, samples[2, begin + k] - p_y
+        t_x, t_y = samples[3, begin + k], samples[4, begin + k]
         x, y = d_x * u_x + d_y * u_y + d_z * u_z - c_x, d_x * v_x + d_y * v_y + d_z * v_z - c_y
         if kind == 0.0:
             r_x, r_y, overlaps = other[S], -other[C], x * other[S] - y * other[C] < -MARGIN
         else:
             r_x, r_y, overlaps = kind * x, kind * y, kind * (x * x + y * y - size * size) < -MARGIN * size
-        others += overlaps | (d_x * a_x + d_y * a_y + d_z * a_z < MARGIN)
+        elsewhere += overlaps | (d_x * a_x + d_y * a_y + d_z * a_z < MARGIN)
         found[1, k] = t_x * (r_x * u_x + r_y * v_x) + t_y * (r_x * u_y + r_y * v_y)
-    return others == 0
+    return elsewhere == 0
 
 
 @compiled

@@ -112,13 +112,8 @@ def main(
     if ask:
         ask_only(skill, plan, scenario=scenario, engine=engine, json=json, jobs=jobs)
         return
-    files = (
-        skill,
-        demonstrations,
-        corrections or Path("out/live_corrections" if live else "out/corrections"),
-        out,
-        plan,
-    )
+    folder = corrections or Path("out/live_corrections" if live else "out/corrections")
+    files = (skill, demonstrations, folder, out, plan)
     if live:
         page: dict[str, Any] = {"driver": driver, "host": host, "port": port, "verbose": verbose}
         correct_live(*files, scenario=scenario, engine=engine, jobs=jobs, **page)

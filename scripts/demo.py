@@ -104,16 +104,9 @@ def main(
         if "skill" not in finished and performed_in == "exact":
             beside.start()
         with ExitStack() if verbose else only_progress():
+            is_old = "record" not in finished
             recordings = record(
-                recorded,
-                good,
-                bad,
-                seed,
-                scenario,
-                jobs,
-                engine=engine,
-                overwrite="record" not in finished,
-                verbose=verbose,
+                recorded, good, bad, seed, scenario, jobs, engine=engine, overwrite=is_old, verbose=verbose
             )
             finish("record")
             if "skill" not in finished:

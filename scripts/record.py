@@ -224,11 +224,9 @@ def record_live(
         PolicyObserver(skill).watch([0.0] * 7, [0.0] * 2)
 
     def start_of(number: int) -> Scenario:
-        return (
-            asked_scenario(chosen, query_states, seed=seed, number=number)
-            if query_states
-            else live_scenario(chosen, seed=seed, number=number)
-        )
+        if query_states:
+            return asked_scenario(chosen, query_states, seed=seed, number=number)
+        return live_scenario(chosen, seed=seed, number=number)
 
     for number in range(max(1, len(query_states))):  # all are checked before the page opens
         start_of(number)

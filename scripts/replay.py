@@ -69,5 +69,7 @@ def main(
     with busy(f"drawing {file.name}"), named_errors(page, "the recording is unchanged"):
         motion = write_replay(file, page, skill=skill, speed=speed)
     say(f"{page}: {motion.kind}, {motion.time[-1]:.2f} s, {motion.outcome} ({page.stat().st_size / 1e6:.1f} MB)")
-    if (sys.stdout.isatty() if open_page is None else open_page) and not webbrowser.open(page.resolve().as_uri()):
+    if open_page is None:
+        open_page = sys.stdout.isatty()
+    if open_page and not webbrowser.open(page.resolve().as_uri()):
         say("No web browser could be started; open the page yourself.")

@@ -126,9 +126,8 @@ def main(
                 done[result.seed] = result
                 write_results(runs, done)  # after each, so that they agree with the runs
                 advance(f"trial {result.seed}: {result.reason}, {result.time:.1f} s")
-        results = finish(
-            runs, done, out, copy, made_by={"skill": str(skill), **versions()}, scenario=dump_scenario(chosen)
-        )
+        made_by = {"skill": str(skill), **versions()}
+        results = finish(runs, done, out, copy, made_by=made_by, scenario=dump_scenario(chosen))
     show_results(results, out)
 
 

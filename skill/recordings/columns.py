@@ -304,9 +304,8 @@ def _check_complete(columns: dict[str, Column], chosen: dict[str, Column], names
         first = missing[0]
         unit = f":{si_symbol(_QUANTITIES.get(first))}" if first in _QUANTITIES else ""
         rate = "; without a time, say the rate of the rows, e.g. --sampling-rate 100" if missing == ["time"] else ""
+        taken = [f" beside {c.channel}={c.name}" for c in chosen.values() if channel_of(c.name) in missing]
         raise ValueError(
-            f"{where}: no column for {', '.join(missing)}"
-            f"{''.join(f' beside {c.channel}={c.name}' for c in chosen.values() if channel_of(c.name) in missing)}"
-            f"; columns are {listed(names)};"
+            f"{where}: no column for {', '.join(missing)}{''.join(taken)}; columns are {listed(names)};"
             f" say which one, e.g. {first}=COLUMN{unit}{rate}"
         )

@@ -244,7 +244,7 @@ def newton(law: ContactLaw, step: float, contacts: Array, m: int, work: Array) -
         if worst <= TOLERANCE * largest:
             return True
         eliminate(m, work)
-        part, better, now = 1.0, False, worst
+        part, better = 1.0, False
         while part > 0.05:
             for i in range(m):
                 work[ROWS, TRIAL, i] = work[ROWS, IMPULSE, i] - part * work[ROWS, CHANGE, i]

@@ -3,17 +3,22 @@
 import numpy as np
 import pytest
 
-from models.contact_bodies import FLOOR, OUTER
+from models.contact_bodies import FLOOR, INNER, INNER_PIECES, OUTER, RIM_PIECES, SIDES, WALLS
 from models.exact_geometry import (
     CONTACTS,
     GAP,
     NORMAL,
     REACH,
+    RIM,
+    ROUND_OFF,
     SURFACE,
     deepest_overlap,
     find_contacts,
     pose_of,
     rotations_of_vectors,
+    row_of,
+    sample_gaps,
+    signs_of_slopes,
 )
 from models.scenario import Scenario, load_scenario
 from models.section import CORNER, NAMES
@@ -46,6 +51,35 @@ def poses(seed, n, tilts, turn):
     return p, rotations_of_vectors(
         np.column_stack([tilts(p) * rng.uniform(-1.0, 1.0, (n, 2)), rng.uniform(-turn, turn, n)])
     )
+
+
+@pytest.mark.parametrize("name", ["round", "key"])
+@pytest.mark.parametrize(("circle", "curve", "touched"), [(RIM, RIM_PIECES, WALLS), (INNER, INNER_PIECES, SIDES)])
+def test_the_signs_of_slopes_are_those_of_the_sampled_gaps(name, circle, curve, touched):
+    scenario = Scenario()
+    scenario.geometry.section = name
+    bodies, known = scenario.geometry.assembly.bodies, 0
+    signs, gaps = np.empty((2, bodies.most)), np.empty((2, bodies.most))
+    for p, R in zip(*poses(11, 60, lambda p: np.full((len(p), 1), 0.01), 0.002), strict=True):
+        for j in range(*bodies.outlines[curve : curve + 2]):
+            for k in range(*bodies.outlines[touched : touched + 2]):
+                first, end = bodies.first[j : j + 2]
+                arguments = (
+                    bodies.chamfer,
+                    circle,
+                    row_of(bodies.pieces, k),
+                    bodies.samples,
+                    first,
+                    end,
+                    pose_of(p, R),
+                )
+                if signs_of_slopes(*arguments, signs):
+                    known += 1
+                    sample_gaps(*arguments, gaps)
+                    multiples, slopes = signs[1, : end - first], gaps[1, : end - first]
+                    assert (slopes[multiples > ROUND_OFF] > 0.0).all()
+                    assert (slopes[multiples < -ROUND_OFF] < 0.0).all()
+    assert known > 20
 
 
 @pytest.mark.slow

@@ -1,12 +1,15 @@
 """The command haptic-skill as a whole: help, versions, exit codes, and what it runs without."""
 
+import os
 import platform
+import sys
 import tomllib
 from importlib.metadata import version
 
 import pytest
 from typer.main import get_command
 
+from haptic_skill import main
 from scripts import haptic_skill
 from skill.data.rig_run import write_rig_run
 from tests.scripts.commands import HAPTIC_SKILL, ROOT, error_line, invoke, run_python
@@ -137,6 +140,18 @@ def test_a_package_that_shadows_ours_is_one_error_with_both_paths(tmp_path, pack
     assert len(done.stderr.splitlines()) == 1
     for words in ("error: ", f"another package '{package}'", str(tmp_path / package), str(ROOT / package)):
         assert words in done.stderr
+
+
+@pytest.mark.parametrize(("given", "expected"), [({"OPENBLAS_NUM_THREADS": "3"}, "3"), ({}, "1")])
+def test_a_command_uses_one_thread_for_matrices_unless_told_otherwise(monkeypatch, given, expected):
+    monkeypatch.setattr(sys, "argv", ["haptic-skill", "--version"])
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "")
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(SystemExit):
+        main()
+    assert os.environ["OPENBLAS_NUM_THREADS"] == expected
 
 
 def test_the_installed_command_is_the_one_tested_here():
