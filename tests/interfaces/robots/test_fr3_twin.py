@@ -84,7 +84,7 @@ class Served:
 
         self.twin.sensor.send = send
         with contextlib.suppress(InterruptedError):
-            self.twin.run(0.4)  # so that a busy machine keeps up with it
+            self.twin.run(0.2)  # so that a slow and busy machine keeps up with it
 
     def __enter__(self):
         self.thread.start()
