@@ -74,7 +74,8 @@ def serve(host, pipe):
     while True:
         name, *value = pipe.recv()
         if value:
-            setattr(controller, name, value[0])
+            with controller.between_ticks:
+                setattr(controller, name, value[0])
         pipe.send(getattr(controller, name))
 
 
@@ -96,6 +97,7 @@ class Controller:
         skipped: packages that are left out next.
         commands: those that arrived, with their numbers in the order of the recipe.
         script: the last one that arrived.
+        between_ticks: held during a tick, so that what is set meanwhile is not overwritten.
     """
 
     def __init__(self, host):
@@ -106,7 +108,7 @@ class Controller:
         self.commands, self.script, self.time = [], "", 100.0
         self._inputs, self._clients, self._running, self._executing = {}, [], False, False
         self._outputs = {"output_int_register_0": 0}
-        self._goal, self._speed = None, math.inf
+        self._goal, self._speed, self.between_ticks = None, math.inf, threading.Lock()
         for port, run in ((DASHBOARD, self._dashboard), (SCRIPT, self._read_script), (RTDE, self._rtde)):
             server = socket.create_server((host, port))
             threading.Thread(target=self._accept, args=(server, run), daemon=True).start()
@@ -169,15 +171,19 @@ class Controller:
         while True:
             due += PERIOD
             time.sleep(max(0.0, due - time.monotonic()))
-            self.time += PERIOD
-            self._obey()
-            self._move()
-            if self.skipped or self.silent:
-                self.skipped = max(0, self.skipped - 1)
-                continue
-            for client in list(self._clients):
-                self._send(*client)
-            self.junk = b""
+            with self.between_ticks:
+                self._step()
+
+    def _step(self):
+        self.time += PERIOD
+        self._obey()
+        self._move()
+        if self.skipped or self.silent:
+            self.skipped = max(0, self.skipped - 1)
+            return
+        for client in list(self._clients):
+            self._send(*client)
+        self.junk = b""
 
     def _send(self, connection, names):
         program = PROGRAM_RUNNING if self._running else 0
