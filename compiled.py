@@ -15,11 +15,15 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core.caching import _CacheLocator
+from numba.core.dispatcher import Dispatcher
+from numba.core.types import unliteral
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 ROOMS = ("models", "skill", "systems", "experiments")
 """The packages that may hold compiled functions, or constants that they use."""
+
+DECORATORS = {"compiled", "compiled_within"}
 
 KEPT = Path.home() / ".cache" / "haptic_skill"
 
@@ -33,7 +37,7 @@ def code_digest(sources: list[str]) -> str:
     seen: list[ast.AST] = []
     plain: list[ast.FunctionDef] = []
     for node in (node for source in sources for node in ast.parse(source).body):
-        if isinstance(node, ast.FunctionDef) and "compiled" not in map(ast.unparse, node.decorator_list):
+        if isinstance(node, ast.FunctionDef) and not DECORATORS & set(map(ast.unparse, node.decorator_list)):
             plain.append(node)
         elif isinstance(node, ast.ClassDef):
             seen += [
@@ -107,9 +111,27 @@ _OTHERS = "UserProvidedCacheLocator,InTreeCacheLocator,UserWideCacheLocator,IPyt
 numba.config.CACHE_LOCATOR_CLASSES = f"compiled.CodeLocator,{_OTHERS}"  # type: ignore[attr-defined]
 
 
+def _compiled(function: F, **options: Any) -> F:
+    """Returns the function compiled by numba: one version for a type, where numba makes another for each literal."""
+    found: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
+    if not isinstance(found, Dispatcher):  # NUMBA_DISABLE_JIT
+        return function
+    for_types = found.get_call_template
+    found.get_call_template = lambda types, kws: for_types([unliteral(t) for t in types], kws)  # type: ignore[no-untyped-call]
+    return cast(F, found)
+
+
 def compiled(function: F) -> F:
-    """Returns the function compiled by numba for the types of its arguments; later processes load the code."""
-    return cast(F, numba.njit(cache=True, error_model="numpy")(function))
+    """Returns the function compiled for the types of its arguments, which are positional; later processes load it."""
+    return _compiled(function, no_cfunc_wrapper=True)
+
+
+def compiled_within(function: F) -> F:
+    """Returns the function compiled as a part of each compiled one that calls it.
+
+    A level of calls costs seconds of compilation, since all code below a function is compiled again with it.
+    """
+    return _compiled(function, no_cfunc_wrapper=True, inline="always")
 
 
 def numbers_class(name: str, parameters: type, module: str) -> Any:

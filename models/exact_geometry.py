@@ -20,11 +20,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from compiled import compiled
+from compiled import compiled, compiled_within
 from models import Array
 from models.contact_bodies import (
     BEYOND,
@@ -102,11 +101,9 @@ def row_of(pieces: Array, k: int) -> tuple[float, float, float, float, float, fl
     return p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]
 
 
-@register_jitable(inline="always")
+@compiled_within
 def planar_gap(piece: Any, x: Any, y: Any) -> tuple[Any, ...]:
     """Returns how far points are outside of an outline beside one of its pieces.
-
-    Like `rim_gap` and `edge_gap`, this is written for arrays of any shape and, compiled, for single points.
 
     Args:
         piece: Of the outline, see `models.section`.
@@ -125,7 +122,7 @@ def planar_gap(piece: Any, x: Any, y: Any) -> tuple[Any, ...]:
     return piece[KIND] * (off - piece[SIZE]), piece[KIND] * d_x, piece[KIND] * d_y, off
 
 
-@register_jitable(inline="always")
+@compiled_within
 def is_beside(piece: Any, x: Any, y: Any) -> Any:
     """Returns whether a piece is the nearest part of its outline around it to points; see `planar_gap`."""
     d_x, d_y = x - piece[X], y - piece[Y]
@@ -135,7 +132,7 @@ def is_beside(piece: Any, x: Any, y: Any) -> Any:
     return along >= np.sqrt(d_x * d_x + d_y * d_y) * math.cos(0.5 * piece[SPAN])
 
 
-@register_jitable
+@compiled
 def is_nearest(pieces: Array, begin: int, end: int, k: int, x: Any, y: Any) -> Any:
     """Returns whether piece ``k`` of the outline of the pieces from ``begin`` is as near to points as any, or almost.
 
@@ -151,7 +148,7 @@ def is_nearest(pieces: Array, begin: int, end: int, k: int, x: Any, y: Any) -> A
     return (own <= least + 3.0 * BEYOND) & (own < FAR)
 
 
-@register_jitable(inline="always")
+@compiled_within
 def rim_gap(c: float, outside: Any, r_x: Any, r_y: Any, size: Any, z: Any) -> tuple[Any, ...]:
     """Returns the gap of points to face, chamfer and wall of the hole, the normal, and the nearest surface.
 
@@ -203,7 +200,7 @@ def rim_gap(c: float, outside: Any, r_x: Any, r_y: Any, size: Any, z: Any) -> tu
     return (without - 1.0 * inside) * distance, across * r_x, across * r_y, n_z, second + 2 * third
 
 
-@register_jitable(inline="always")
+@compiled_within
 def side_gap(
     piece: Any, d_x: Any, d_y: Any, d_z: Any, u_x: Any, u_y: Any, u_z: Any, v_x: Any, v_y: Any, v_z: Any
 ) -> tuple[Any, ...]:
@@ -229,7 +226,7 @@ def side_gap(
     return beside, r_x, r_y, r_z, off, along
 
 
-@register_jitable(inline="always")
+@compiled_within
 def around_tip(
     beside: Any, r_x: Any, r_y: Any, r_z: Any, off: Any, along: Any, a_x: Any, a_y: Any, a_z: Any
 ) -> tuple[Any, ...]:
@@ -246,7 +243,7 @@ def around_tip(
     return gap, h * a_x - w * r_x, h * a_y - w * r_y, h * a_z - w * r_z, side
 
 
-@register_jitable(inline="always")
+@compiled_within
 def edge_gap(
     piece: Array, d_x: Any, d_y: Any, d_z: Any, u_x: Any, u_y: Any, u_z: Any, v_x: Any, v_y: Any, v_z: Any
 ) -> tuple[Any, ...]:

@@ -7,11 +7,23 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from compiled import compiled_within
+
 Array = NDArray[np.float64]
 """An array of 64-bit floats; docstrings give shape and unit."""
 
 ROUND_OFF = 10.0 * float(np.finfo(float).eps)
 """Largest spread of a channel, relative to its greatest magnitude, that counts as round-off."""
+
+
+@compiled_within
+def assign(target: Array, values: Array) -> None:
+    """Copies values (n,) into an array (n,), or the beginning of a longer one.
+
+    Compiled code gets no checks of shapes with it, which take seconds to compile.
+    """
+    for i in range(len(values)):
+        target[i] = values[i]
 
 
 OUTLYING = 0.01

@@ -127,7 +127,19 @@ class PerturbedPolicy(WrappedPolicy[PolicyT]):
 @compiled
 def factors_at(depth: float, depths: Array, turn: Array, feed: Array) -> tuple[float, float]:
     """Returns the factors on turn and feed at a depth, m; the arrays are those of a `Perturbation`."""
-    return math.exp(np.interp(depth, depths, turn)), math.exp(np.interp(depth, depths, feed))
+    return math.exp(interpolated(depth, depths, turn)), math.exp(interpolated(depth, depths, feed))
+
+
+@compiled
+def interpolated(x: float, places: Array, values: Array) -> float:
+    """Returns `numpy.interp` of one finite number, whose own compilation takes a second."""
+    if x <= places[0]:
+        return float(values[0])
+    for k in range(1, len(places)):
+        if x < places[k]:
+            slope = (values[k] - values[k - 1]) / (places[k] - places[k - 1])
+            return float(slope * (x - places[k - 1]) + values[k - 1])
+    return float(values[-1])
 
 
 def step_costs(run: RigRun) -> Array:

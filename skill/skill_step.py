@@ -88,7 +88,7 @@ def skill_numbers(policy: object) -> SkillNumbers | None:
         states=estimator.contacts.numbers,
         imitation=policy.imitation().numbers,
         factors=(np.zeros(1), np.zeros(1), np.zeros(1)),
-        memory=estimator.initial().memory,
+        memory=estimator.contacts.initial_log_belief(),
         period=policy.period_,
     )
 

@@ -16,11 +16,11 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from compiled import compiled
+from compiled import compiled, compiled_within
 from models.contact_bodies import Bodies
 from models.exact_geometry import NORMAL, POINT, deepest_overlap, pose_of
 from models.scenario import Scenario
-from skill.arrays import Array
+from skill.arrays import Array, assign
 from skill.data.outcome import Outcome
 from skill.data.rig_run import LOGGED_COLUMNS
 from skill.features.measurement import load_of_components
@@ -238,8 +238,7 @@ class Contacts(NamedTuple):
     overlap: float
 
 
-@compiled
-def first_state(rig: RigNumbers, skill: SkillNumbers, control: ControllerState) -> RigState:
+def first_state(rig: RigNumbers, memory: Array) -> RigState:
     """Returns the state at the start, in which the sensor holds the weight of the peg."""
     q, held = np.zeros(FREEDOMS), np.zeros(6)
     q[0], q[3:] = rig.start[0], rig.start[1:]
@@ -256,12 +255,12 @@ def first_state(rig: RigNumbers, skill: SkillNumbers, control: ControllerState) 
         guard=np.zeros(GUARD_SIZE),
         motor=np.zeros(dc_motor.SIZE),
         axes=np.zeros((3, stepper_motor.SIZE)),
-        memory=skill.memory.copy(),
-        control=control,
+        memory=memory.copy(),
+        control=ControllerState(),
     )
 
 
-@compiled
+@compiled_within
 def observe(rig: RigNumbers, state: RigState) -> Observation:
     """Returns what the outputs show."""
     depth = round((rig.home - state.q[0]) / rig.encoder_resolution) * rig.encoder_resolution
@@ -279,7 +278,7 @@ def observe(rig: RigNumbers, state: RigState) -> Observation:
     )
 
 
-@compiled
+@compiled_within
 def log(row: np.void, rig: RigNumbers, state: RigState, time: float, shown: Observation, answer: SkillAnswer) -> None:
     """Fills a row."""
     row["time"] = time
@@ -298,68 +297,71 @@ def log(row: np.void, rig: RigNumbers, state: RigState, time: float, shown: Obse
     row["pitch"], row["yaw"], row["clocking"] = state.q[3], state.q[4], state.q[5]
 
 
-@compiled
+@compiled_within
 def look(rig: RigNumbers, state: RigState, shown: Observation) -> Contacts:
     """Returns the contacts; see `ExactPlant.contacts`."""
     later, speeds, m = state.q.copy(), state.v.copy(), rig.mechanics
     _, found, nearby, forces = advance_rig(
         rig.bodies, m, later, speeds, shown.force, shown.equilibrium, rig.plant_period / STEPS, 1
     )
-    R, tip = tip_in_hole(m, state.q)
-    p = -m.pivot * R[:, 2]
+    (R, tip), p = tip_in_hole(m, state.q), np.empty(3)
+    for i in range(3):
+        p[i] = -m.pivot * R[i, 2]
     p[2] += m.pivot
     points, normals = nearby[:found, POINT].copy(), nearby[:found, NORMAL].copy()
     count, contacts = join_contacts(points, normals, forces[:found], R, p, tip[2], rig.bodies.chamfer)
     return Contacts(count, contacts, deepest_overlap(rig.bodies, pose_of(tip, R.T)))
 
 
-@compiled
+@compiled_within
 def judge(rig: RigNumbers, state: RigState, time: float, shown: Observation, record: Record) -> int:
     """Records what the monitor of the trial sees, and returns how the trial has ended, or `GOES_ON`."""
-    tally = record.tally[0]
-    if time >= tally["next_look"] - 1e-9:
-        tally["next_look"] += rig.control_period
+    tally, loaded = record.tally[0], np.empty(6)
+    for k in range(6):
+        loaded[k] = (rig.weight if k == 2 else 0.0) - state.held[k]
+    true = wrench_at_tip(loaded, rig.sensor.height)
+    load = load_of_components(true[0], true[1], true[2], true[3], true[4], true[5], rig.guard.lever)
+    step, is_due = math.ceil(time / rig.plant_period - 1e-6), time >= tally["next_look"] - 1e-9
+    is_stepped = step != tally["last_step"]
+    grows = is_stepped and time > 0.0 and needs_contacts(load, state.extent, tally["load"], tally["extent"])
+    if grows:
+        tally["load"], tally["extent"] = max(load, tally["load"]), max(state.extent, tally["extent"])
+    if is_due or grows:
         found = look(rig, state, shown)
-        record.seen[tally["looks"]], record.contacts[tally["looks"]] = found.number, found.contacts
-        tally["looks"] += 1
-        tally["penetration"] = max(tally["penetration"], found.overlap)
         if found.number > 0:
             tally["peak_contact"] = max(tally["peak_contact"], found.contacts[0, FORCE])
+    if is_due:
+        tally["next_look"] += rig.control_period
+        record.seen[tally["looks"]] = found.number
+        for k in range(found.number):
+            assign(record.contacts[tally["looks"], k], found.contacts[k])
+        tally["looks"] += 1
+        tally["penetration"] = max(tally["penetration"], found.overlap)
         if is_stopped(rig.retract, state.dog):
             return FAULT
         if state.control.given_up != 0.0 and state.dog[watchdog.FAULT] == 0.0:
             return JAMMED
-    step = math.ceil(time / rig.plant_period - 1e-6)
-    if step == tally["last_step"]:
+    if not is_stepped:
         return GOES_ON
     tally["last_step"] = step
-    tare = np.zeros(6)
-    tare[2] = rig.weight
-    true = wrench_at_tip(tare - state.held, rig.sensor.height)
     size = math.sqrt(true[0] ** 2 + true[1] ** 2 + true[2] ** 2)
     deep = rig.mechanics.sensor - state.q[0]
-    if not (np.isfinite(true).all() and math.isfinite(deep)) or size > DIVERGENCE_FORCE:
+    if not math.isfinite(size + true[3] + true[4] + true[5] + deep) or size > DIVERGENCE_FORCE:
         return DIVERGED
-    record.tips[tally["steps"]] = tip_in_hole(rig.mechanics, state.q)[1]
-    record.wrenches[tally["steps"]] = true
+    assign(record.tips[tally["steps"]], tip_in_hole(rig.mechanics, state.q)[1])
+    assign(record.wrenches[tally["steps"]], true)
     tally["steps"] += 1
-    if time > 0.0:
-        load = load_of_components(true[0], true[1], true[2], true[3], true[4], true[5], rig.guard.lever)
-        if needs_contacts(load, state.extent, tally["load"], tally["extent"]):
-            tally["load"], tally["extent"] = max(load, tally["load"]), max(state.extent, tally["extent"])
-            found = look(rig, state, shown)
-            if found.number > 0:
-                tally["peak_contact"] = max(tally["peak_contact"], found.contacts[0, FORCE])
     return INSERTED if deep >= rig.full_depth else GOES_ON
 
 
-@compiled
+@compiled_within
 def is_finite(answer: SkillAnswer) -> bool:
     """Returns whether an action can be performed."""
-    return bool(np.isfinite(answer.turn).all() and math.isfinite(answer.spin + answer.feed + answer.support))
+    turn = answer.turn[0] + answer.turn[1] + answer.spin
+    return math.isfinite(turn + answer.feed + answer.support)
 
 
-@compiled
+@compiled_within
 def act(rig: RigNumbers, state: RigState, shown: Observation, answer: SkillAnswer) -> ControllerState:
     """Returns the state of the controller after an action."""
     return policy_controller_step(
@@ -382,10 +384,10 @@ def roll_out(rig: RigNumbers, scenario: Scenario, skill: SkillNumbers) -> Trace:
     """Performs the trial of a resolved scenario; ``rig`` is that of this scenario."""
     ticks = 1 + round(rig.time_limit / rig.sensor_period)
     noise = standard_normals(scenario.seed, SENSOR_NOISE, ticks, 12)
-    return perform(rig, skill, ControllerState(), noise, drawn_bias(scenario.sensor, scenario.seed))
+    return perform(rig, skill, first_state(rig, skill.memory), noise, drawn_bias(scenario.sensor, scenario.seed))
 
 
-@compiled
+@compiled_within
 def update(
     rig: RigNumbers,
     state: RigState,
@@ -419,7 +421,7 @@ def update(
             control = act(rig, state, shown, answer)
         shafts = np.zeros((rig.steppers, 2))
         for k in range(rig.steppers):
-            shafts[k] = shaft_angles(rig.axis, state.axes[k], turned[k])
+            assign(shafts[k], shaft_angles(rig.axis, state.axes[k], turned[k]))
         faults = np.array((state.monitor[sensor_monitor.FAULT], state.drive[drive_monitor.FAULT]))
         dog = watchdog_step(rig.retract, state.dog, faults, False, shafts)
         memory = answer.memory
@@ -448,7 +450,7 @@ def update(
         motor = dc_motor_step(rig.drive, state.motor, command, state.v[0], is_enabled(state.drive))
         axes = state.axes.copy()
         for k in range(rig.steppers):
-            axes[k] = stepper_step(rig.axis, state.axes[k], state.guard[PITCH + k], turned[k])
+            assign(axes[k], stepper_step(rig.axis, state.axes[k], state.guard[PITCH + k], turned[k]))
         held, found, _, forces = advance_rig(
             rig.bodies,
             rig.mechanics,
@@ -459,7 +461,9 @@ def update(
             rig.plant_period / STEPS,
             STEPS,
         )
-        extent = forces[:found].sum()
+        extent = 0.0
+        for k in range(found):
+            extent += forces[k]
     return RigState(
         q=state.q,
         v=state.v,
@@ -478,13 +482,13 @@ def update(
 
 
 @compiled
-def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, noise: Array, bias: Array) -> Trace:
+def perform(rig: RigNumbers, skill: SkillNumbers, state: RigState, noise: Array, bias: Array) -> Trace:
     """Performs a trial.
 
     Args:
         rig: the rig.
         skill: that acts.
-        control: state of the controller at the start.
+        state: `first_state`.
         noise: (ticks, 12), of the sensor.
         bias: (6,), of the sensor.
     """
@@ -500,7 +504,6 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
     )
     tally = record.tally[0]
     tally["last_step"] = -1
-    state = first_state(rig, skill, control)
     periods = np.array((rig.sensor_period, rig.plant_period, rig.control_period))
     ticks = np.zeros(3, np.int64)
     time, measured = 0.0, np.zeros(7)
@@ -509,7 +512,8 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
         due = Due(time == ticks[0] * periods[0], time == ticks[1] * periods[1], time == ticks[2] * periods[2])
         logs = time == tally["rows"] * rig.control_period
         if logs or due.control:
-            measured[:6], measured[6] = shown.wrench, -shown.sound
+            assign(measured, shown.wrench)
+            measured[6] = -shown.sound
             answer = skill_step(skill, state.memory, measured)
         if logs:
             log(record.rows[tally["rows"]], rig, state, time, shown, answer)
@@ -521,8 +525,9 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
         if ending != GOES_ON or time >= limit:
             break
         state = update(rig, state, time, due, shown, answer, noise[ticks[0]], bias)
-        ticks += np.array((due.sensor, due.plant, due.control))
-        time = min((ticks * periods).min(), tally["rows"] * rig.control_period, limit)
+        ticks[0], ticks[1], ticks[2] = ticks[0] + due.sensor, ticks[1] + due.plant, ticks[2] + due.control
+        time = min(ticks[0] * periods[0], ticks[1] * periods[1], ticks[2] * periods[2])
+        time = min(time, tally["rows"] * rig.control_period, limit)
     filled = Record(
         rows=record.rows[: tally["rows"]],
         seen=record.seen[: tally["looks"]],

@@ -201,7 +201,9 @@ class PractiseLane(Lane):
         """The old files are whole; the trials of the new practice are there, readable and in the index."""
         work = self.folder / "p.npz.unfinished"
         is_finished = bool(self.known) and not work.exists()
-        faults = [] if is_finished else self.keep(marks(work))
+        if is_finished:  # killed after its last change: started again, it practises anew
+            self.known = Marks()
+        faults = self.keep(marks(work))
         index = read_index(work)
         faults += [f"{n} is not in the index" for n in marks(work) if index is None or n not in index.items]
         for path in work.glob("*.parquet"):

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from compiled import compiled
+from compiled import compiled, compiled_within
 from skill.arrays import Array
 from skill.policy.prediction import NearSamples, Prediction, Query
 from skill.regression.local_model import local_prediction
@@ -94,10 +94,12 @@ class Imitated(NamedTuple):
     weights: Array
 
 
-@compiled
+@compiled_within
 def imitate(p: ImitationNumbers, x: Array, states: Array) -> Imitated:
     """Returns what the demonstrations do at features (d,) in states of the probabilities (K,)."""
-    query = np.minimum(np.maximum(x * p.regressor.feature_scale, -MAX_QUERY), MAX_QUERY)
+    query = np.empty(len(x))
+    for i in range(len(x)):
+        query[i] = min(max(x[i] * p.regressor.feature_scale[i], -MAX_QUERY), MAX_QUERY)
     action, rows, weights, log_support = local_prediction(p.regressor, query, states)
     limited = False
     for i in range(len(action)):
@@ -110,7 +112,7 @@ def imitate(p: ImitationNumbers, x: Array, states: Array) -> Imitated:
     return Imitated(action, support_of(p.min_log_support, log_support), limited, rows, weights)
 
 
-@compiled
+@compiled_within
 def support_of(min_log_support: float, log_support: float) -> float:
     """Returns the support, 0 to 1, of a greatest log weight."""
     return math.exp(-max(0.0, min_log_support - log_support))
@@ -119,11 +121,15 @@ def support_of(min_log_support: float, log_support: float) -> float:
 @compiled
 def quartiles_of(values: Array, weights: Array) -> tuple[float, float]:
     """Returns the first and third quartile of values (k,) with weights (k,): values of the inverse distribution."""
-    order = np.argsort(values)
-    sums = np.cumsum(weights[order])
-    places = np.searchsorted(sums / sums[-1], np.array([0.25, 0.75]))
-    low, high = order[min(places[0], len(values) - 1)], order[min(places[1], len(values) - 1)]
-    return values[low], values[high]
+    order, total, low, high = np.argsort(values), 0.0, 0, 0
+    sums = np.empty(len(values))
+    for i in range(len(values)):
+        total += weights[order[i]]
+        sums[i] = total
+    for i in range(len(values) - 1):
+        low += sums[i] / total < 0.25
+        high += sums[i] / total < 0.75
+    return values[order[low]], values[order[high]]
 
 
 def lowest_log_support(regressor: Regressor, demonstrations: Array) -> float:

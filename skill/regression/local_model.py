@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from compiled import compiled
-from skill.arrays import Array
+from compiled import compiled, compiled_within
+from skill.arrays import Array, assign
 from skill.regression.neighbourhood import RegressionNumbers, neighbourhood
 from skill.regression.positive_systems import solve_least_norm, solve_positive
 
@@ -105,7 +105,7 @@ def equivalent_kernel(query: Array, x: Array, weights: Array, ridge: float, degr
         for m in range(j):
             scatter[m, j] = scatter[j, m]
     if not (ridge > 0.0 and solve_positive(scatter.copy(), a)):
-        a[:, 0] = solve_least_norm(scatter, mean - query)
+        assign(a[:, 0], solve_least_norm(scatter, mean - query))
     for i in range(k):
         along = 0.0
         for j in range(d):
@@ -114,7 +114,7 @@ def equivalent_kernel(query: Array, x: Array, weights: Array, ridge: float, degr
     return kernel
 
 
-@compiled
+@compiled_within
 def scaled_weights(log_w: Array, ridge: float) -> tuple[Array, float, float]:
     """Divides weights and ridge by the greatest weight.
 
@@ -129,7 +129,7 @@ def scaled_weights(log_w: Array, ridge: float) -> tuple[Array, float, float]:
     return np.exp(log_w - greatest), greatest, ridge * math.exp(min(-greatest, MAX_EXPONENT))
 
 
-@compiled
+@compiled_within
 def weighted_output(kernel: Array, y: Array, rows: NDArray[np.intp]) -> Array:
     """Returns the prediction (p,) of an equivalent kernel (k,) over rows (k,) of outputs (n, p)."""
     found = np.zeros(y.shape[1])
@@ -139,7 +139,7 @@ def weighted_output(kernel: Array, y: Array, rows: NDArray[np.intp]) -> Array:
     return found
 
 
-@compiled
+@compiled_within
 def local_model(p: RegressionNumbers, query: Array, q: Array) -> tuple[NDArray[np.intp], Array, Array, float, float]:
     """Returns rows, weights and equivalent kernel (k,) of the samples at one query, the ridge and the log weight.
 
@@ -151,7 +151,7 @@ def local_model(p: RegressionNumbers, query: Array, q: Array) -> tuple[NDArray[n
     return rows, weights, kernel, ridge, log_w_max
 
 
-@compiled
+@compiled_within
 def local_prediction(p: RegressionNumbers, query: Array, q: Array) -> tuple[Array, NDArray[np.intp], Array, float]:
     """Returns the prediction (p,) at one query, and rows (k,), weights (k,) and greatest log weight of its samples.
 

@@ -168,7 +168,7 @@ def smallest(values: Array, k: int) -> Rows:
     if n > 4 * k:
         some = values[::STRIDE].copy()
         rank = min(len(some) - 1, 4 + 3 * k * len(some) // (2 * n))
-        limit = np.partition(some, rank)[rank]
+        limit = selected(some, rank)
         for j in range(n):
             places[count] = j
             count += values[j] <= limit
@@ -176,7 +176,7 @@ def smallest(values: Array, k: int) -> Rows:
         places, count = np.arange(n), n
     places = places[:count]
     near = values[places]
-    limit = np.partition(near, k - 1)[k - 1]
+    limit = selected(near.copy(), k - 1)
     found, number = np.empty(k, np.int64), 0
     for i in range(count):
         if near[i] < limit:
@@ -187,6 +187,27 @@ def smallest(values: Array, k: int) -> Rows:
             found[number] = places[i]
             number += 1
     return found
+
+
+@compiled
+def selected(values: Array, k: int) -> float:
+    """Returns the value that sorting would put at place ``k``; changes the order (Hoare, Commun. ACM 4, 1961).
+
+    Numba's ``partition`` does the same; its compilation takes seconds.
+    """
+    low, high = 0, len(values) - 1
+    while low < high:
+        pivot, i, j = values[k], low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while pivot < values[j]:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        low, high = i if j < k else low, j if k < i else high
+    return float(values[k])
 
 
 def check_memberships(values: ArrayLike, n: int, states: int | None = None, exact: bool = False) -> Array:

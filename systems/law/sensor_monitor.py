@@ -12,7 +12,7 @@ import numpy as np
 from compiled import compiled
 from models.arm import RIG
 from models.hardware import STEEL, WrenchSensorParameters
-from skill.arrays import Array
+from skill.arrays import Array, assign
 from systems.law.faults import Fault
 from systems.law.part import Part
 
@@ -178,7 +178,7 @@ def sensor_monitor_step(p: SensorLimits, state: Array, wrench: Array, depth: flo
         found[FAULT] = fault
         return found
     if not spike:
-        found[:6] = wrench
+        assign(found, wrench)
     found[DEPTH], found[REPEATS], found[STARTED], found[SPIKES] = depth, repeats, 1.0, spikes
     found[FAULT] = _fault_in_free_air(p, found, state, time)
     return found
@@ -227,18 +227,22 @@ def _fault(p: SensorLimits, state: Array, wrench: Array, depth: float, repeats: 
 def _fault_in_free_air(p: SensorLimits, found: Array, before: Array, time: float) -> int:
     """Adds the new reading in ``found`` to the tare, and judges the tare at its end."""
     if found[DEPTH] > p.free_depth:
-        found[FREE:] = 0.0
+        for i in range(FREE, SIZE):
+            found[i] = 0.0
         return 0
     found[FREE] += 1.0
     if found[FREE] <= p.settling:
         return 0
-    found[SUM:SQUARES] += found[:6]
-    found[SQUARES:] += (found[:6] - before[:6]) ** 2
-    if found[FREE] < p.settling + p.tare:
-        return 0
-    noisy = (found[SQUARES:] > p.tare * p.max_square).any()
-    biased = (np.abs(found[SUM:SQUARES]) > p.tare * (p.bias + p.drift * math.sqrt(time))).any()
-    found[FREE], found[SUM:] = p.settling, 0.0
+    ends, noisy, biased = found[FREE] >= p.settling + p.tare, False, False
+    for i in range(6):
+        found[SUM + i] += found[i]
+        found[SQUARES + i] += (found[i] - before[i]) ** 2
+        if ends:
+            noisy = noisy or found[SQUARES + i] > p.tare * p.max_square[i]
+            biased = biased or abs(found[SUM + i]) > p.tare * (p.bias[i] + p.drift[i] * math.sqrt(time))
+            found[SUM + i] = found[SQUARES + i] = 0.0
+    if ends:
+        found[FREE] = p.settling
     if noisy:
         return Fault.SENSOR_NOISY.value
     return Fault.SENSOR_BIASED.value if biased else 0

@@ -12,7 +12,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from compiled import compiled
 from models.hardware import WrenchSensorParameters
-from skill.arrays import Array
+from skill.arrays import Array, assign
 from systems.math.noise import standard_normal
 
 
@@ -79,7 +79,7 @@ def wrench_sensor_step(p: Sensor, state: Array, held: Array, bias: Array, noise:
         noisy = found[i] + bias[i] + found[6 + i] + p.sigma[i] * noise[i]
         clipped = min(max(noisy, -p.range[i]), p.range[i])
         found[12 + i] = np.rint(clipped / p.quantum[i]) * p.quantum[i]
-    found[18:] = state[12:-6]
+    assign(found[18:], state[12:-6])
     return found
 
 

@@ -18,7 +18,7 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context
 
 from compiled import compiled
-from skill.arrays import Array
+from skill.arrays import Array, assign
 from skill.data.rig_run import ContactPlace
 from systems.math.rotation import cross
 
@@ -183,21 +183,25 @@ def join_contacts(
             if part[i] == place and (strongest < 0 or forces[i] > forces[strongest]):
                 strongest = i
         for opposite in range(1 if place == FACE else 2):
-            total, point, weight = np.zeros(3), np.zeros(3), 0.0
+            total, point, weight, size = np.zeros(3), np.zeros(3), 0.0, 0.0
             for i in range(n):
                 along = side[i, 0] * side[strongest, 0] + side[i, 1] * side[strongest, 1]
                 if part[i] == place and (place == FACE or (along < 0.0) == (opposite == 1)):
                     weight += forces[i]
-                    total += forces[i] * normals[i]
-                    point += forces[i] * points[i]
-            size = math.sqrt((total**2).sum())
+                    for j in range(3):
+                        total[j] += forces[i] * normals[i, j]
+                        point[j] += forces[i] * points[i, j]
+            for j in range(3):
+                size += total[j] ** 2
+            size = math.sqrt(size)
             if size > 0.0:
                 k = count
                 while k > 0 and found[k - 1, FORCE] < size:  # the strongest first
-                    found[k] = found[k - 1]
+                    assign(found[k], found[k - 1])
                     k -= 1
                 found[k, PLACE], found[k, FORCE] = place, size
-                found[k, POINT], found[k, NORMAL] = point / weight, total / size
+                for j in range(3):
+                    found[k, 1 + j], found[k, 4 + j] = point[j] / weight, total[j] / size
                 count += 1
     return count, found
 

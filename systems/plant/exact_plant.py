@@ -18,7 +18,7 @@ from pydrake.systems.framework import (
     LeafSystem,
 )
 
-from compiled import compiled
+from compiled import compiled, compiled_within
 from models import Array
 from models.contact_bodies import Bodies
 from models.exact_geometry import CONTACTS, MAX_CONTACTS, NORMAL, POINT, SURFACE, find_contacts, pose_of
@@ -149,7 +149,7 @@ def tip_in_hole(m: Mechanics, q: Array) -> tuple[Array, Array]:
     return R, found
 
 
-@compiled
+@compiled_within
 def rig_contacts(bodies: Bodies, m: Mechanics, q: Array, contacts: Array) -> int:
     """Finds the contacts at positions (6,); their points and normals are in W. Returns how many there are."""
     R, tip = tip_in_hole(m, q)

@@ -1,6 +1,7 @@
 """Searches for the minima of the exact gap by dense sampling, beside which the compiled search is judged."""
 
 import numpy as np
+from numba import njit
 
 from models.contact_bodies import curve_pieces, surface_pieces
 from models.exact_geometry import COLUMNS, MAX_CONTACTS, edge_gap, find_minima, is_nearest, planar_gap, pose_of, rim_gap
@@ -18,6 +19,30 @@ def found_minima(bodies, p, R, reach):
     return np.concatenate(found)
 
 
+@njit
+def wall_gaps(chamfer, walls, k, x, y, z):
+    """The gaps (n,) of points on the rim to one piece of the hole, infinite where another one is nearer."""
+    found = np.full(len(x), np.inf)
+    for i in range(len(x)):
+        if is_nearest(walls, 0, len(walls), k, x[i], y[i]):
+            outside, r_x, r_y, size = planar_gap(walls[k], x[i], y[i])
+            found[i] = rim_gap(chamfer, outside, r_x, r_y, size, z[i])[0]
+    return found
+
+
+@njit
+def side_gaps(sides, k, d, u, v):
+    """The gaps (n,) of points d (n, 3) from the tip to one side of a peg with the axes u and v, likewise."""
+    found = np.full(len(d), np.inf)
+    for i in range(len(d)):
+        if is_nearest(sides, 0, len(sides), k, (d[i] * u[i]).sum(), (d[i] * v[i]).sum()):
+            x, y, z = d[i]
+            u_x, u_y, u_z = u[i]
+            v_x, v_y, v_z = v[i]
+            found[i] = edge_gap(sides[k], x, y, z, u_x, u_y, u_z, v_x, v_y, v_z)[0]
+    return found
+
+
 def sampled_minima(mate, p, R):
     """The lowest local minima (n, m) of the gaps of poses on the rim and on both edges, and the lowest on the floor."""
     p = p + R @ mate.tip - mate.mouth
@@ -30,8 +55,7 @@ def sampled_minima(mate, p, R):
 
     def to_wall(piece, k, share):
         x, y, z = on_rim(piece, share)
-        gap = rim_gap(mate.chamfer, *planar_gap(walls[k], x, y), z)[0]
-        return np.where(is_nearest(walls, 0, len(walls), k, x, y), gap, np.inf)
+        return wall_gaps(mate.chamfer, walls, k, x.ravel(), y.ravel(), z.ravel()).reshape(x.shape)
 
     def to_floor(piece, share):
         return on_rim(piece, share)[2] + mate.depth
@@ -39,8 +63,8 @@ def sampled_minima(mate, p, R):
     def to_side(piece, height, k, share):
         x, y = on_piece(piece, share)
         d = np.stack([x, y, np.full_like(x, height)], axis=-1) - p[:, None]
-        gap = edge_gap(sides[k], *np.moveaxis(d, -1, 0), *np.moveaxis(u, -1, 0), *np.moveaxis(v, -1, 0))[0]
-        return np.where(is_nearest(sides, 0, len(sides), k, (d * u).sum(axis=-1), (d * v).sum(axis=-1)), gap, np.inf)
+        rows = [np.broadcast_to(a, d.shape).reshape(-1, 3) for a in (d, u, v)]
+        return side_gaps(sides, k, *rows).reshape(x.shape)
 
     found = []
     for piece in curve_pieces(mate.peg):
