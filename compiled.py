@@ -15,7 +15,6 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core.caching import _CacheLocator
-from numba.core.dispatcher import Dispatcher
 from numba.core.types import unliteral
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -82,8 +81,8 @@ class CodeLocator(_CacheLocator):  # type: ignore[misc]
     By itself numba compiles again for each path, and does not when a function changes that the function calls.
     """
 
-    def __init__(self, module: str) -> None:
-        self._module = module
+    def __init__(self, module: str, py_file: str, line: int) -> None:
+        self._module, self._py_file, self._lineno = module, py_file, line  # the last two stand in warnings of numba
 
     def get_cache_path(self) -> str:  # the three that numba asks for
         """Returns the folder."""
@@ -102,7 +101,7 @@ class CodeLocator(_CacheLocator):  # type: ignore[misc]
         """Returns the locator of a function; None if it is not one of ours."""
         if py_func.__module__.split(".")[0] not in ROOMS:
             return None
-        locator = cls(py_func.__module__)
+        locator = cls(py_func.__module__, py_file, py_func.__code__.co_firstlineno)
         locator.ensure_cache_path()  # type: ignore[no-untyped-call]
         return locator
 
@@ -114,7 +113,7 @@ numba.config.CACHE_LOCATOR_CLASSES = f"compiled.CodeLocator,{_OTHERS}"  # type: 
 def _compiled(function: F, **options: Any) -> F:
     """Returns the function compiled by numba: one version for a type, where numba makes another for each literal."""
     found: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
-    if not isinstance(found, Dispatcher):  # NUMBA_DISABLE_JIT
+    if not hasattr(found, "get_call_template"):  # by NUMBA_DISABLE_JIT
         return function
     for_types = found.get_call_template
     found.get_call_template = lambda types, kws: for_types([unliteral(t) for t in types], kws)  # type: ignore[no-untyped-call]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from functools import cache
 
+import numba
 import pytest
 
-from compiled import KEPT, code_digest
+from compiled import KEPT, code_digest, compiled, compiled_within
 from skill.features.measurement import load_of_components
 
 SOURCE = '''
@@ -34,7 +35,10 @@ def before() -> str:
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [("FACTOR * x", "x * FACTOR"), ("2.0", "2.5"), ("one: float", "one: int"), ("FACTOR = factor()", "FACTOR = 2.0")],
+    [
+        *(("FACTOR * x", "x * FACTOR"), ("2.0", "2.5"), ("one: float", "one: int")),
+        *(("FACTOR = factor()", "FACTOR = 2.0"), ("@compiled", "@compiled_within")),
+    ],
 )
 def test_what_compiled_code_sees_makes_a_new_digest(old: str, new: str) -> None:
     assert code_digest([SOURCE.replace(old, new)]) != before()
@@ -46,6 +50,26 @@ def test_what_compiled_code_sees_makes_a_new_digest(old: str, new: str) -> None:
 )
 def test_what_it_does_not_see_makes_none(old: str, new: str) -> None:
     assert code_digest([SOURCE.replace(old, new)]) == before()
+
+
+@compiled
+def doubled(x: int) -> int:
+    return 2 * x
+
+
+@compiled_within
+def tripled(x: int) -> int:
+    return 3 * x
+
+
+def test_a_literal_and_a_number_have_one_version_and_a_part_of_a_caller_has_none() -> None:
+    @numba.njit
+    def found(x: int) -> int:
+        return doubled(3) + doubled(4) + doubled(x) + tripled(x)
+
+    assert found(5) == 2 * (3 + 4 + 5) + 3 * 5
+    assert doubled.signatures == [(numba.int64,)]  # type: ignore[attr-defined]
+    assert not tripled.signatures  # type: ignore[attr-defined]
 
 
 def test_code_is_kept_by_module_and_name_for_all_checkouts() -> None:

@@ -15,6 +15,7 @@ from skill.practice import (
     advantage_weighted_update,
     advantages,
     draw_perturbation,
+    interpolated,
     rollout_of,
     step_costs,
 )
@@ -61,6 +62,12 @@ class FixedPolicy:
 
     def act(self, measured, estimate=None):
         return Action(turn=np.array([0.1, -0.2]), feed=-1e-3, support=0.3)
+
+
+def test_factors_are_interpolated_as_by_numpy():
+    places, values = np.array([0.0, 0.3, 0.7, 1.0]), np.array([1.0, -2.0, 0.5, 4.0])
+    x = np.array([-1.0, *places, *np.linspace(0.01, 0.99, 40), 2.0])
+    np.testing.assert_array_equal([interpolated(value, places, values) for value in x], np.interp(x, places, values))
 
 
 def test_a_perturbed_policy_multiplies_the_action_by_the_factors_at_the_depth_that_is_measured_last():

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skill.regression.locally_weighted_regression import LWRegressor
-from skill.regression.neighbourhood import check_memberships, neighbourhood, smallest
+from skill.regression.neighbourhood import check_memberships, neighbourhood, selected, smallest
 
 
 def found_among(X, P, weight, query, q, **settings):
@@ -76,3 +76,9 @@ def test_memberships_may_be_rounded(error):
 def test_the_smallest_values_are_those_of_a_stable_sort(n, k):
     values = np.random.default_rng(n).integers(0, n // 3, n) / 8.0  # many are equal
     np.testing.assert_array_equal(np.sort(smallest(values, k)), np.sort(np.argsort(values, kind="stable")[:k]))
+
+
+@given(st.lists(st.integers(0, 9), min_size=1, max_size=40), st.integers(0, 39))
+def test_a_selected_value_is_that_of_a_sort(values, k):
+    k = min(k, len(values) - 1)
+    assert selected(np.array(values, dtype=float), k) == sorted(values)[k]
