@@ -191,7 +191,7 @@ def smallest(values: Array, k: int) -> Rows:
 
 @compiled
 def selected(values: Array, k: int) -> float:
-    """Returns the value that sorting would put at place ``k``; changes the order (Hoare, Commun. ACM 4, 1961).
+    """Returns the value that sorting would put at place ``k``; changes the order (Hoare, "Algorithm 65: Find", 1961).
 
     Numba's ``partition`` does the same; its compilation takes seconds.
     """
