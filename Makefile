@@ -100,6 +100,7 @@ environment .venv:
 	  "$(INTERPRETER)" -m venv "$(VENV)" && \
 	  $(RUN) pip install --quiet --upgrade pip 2> "$(VENV)/install.log" && \
 	  $(RUN) pip install --quiet --editable ".[dev]" $(CONSTRAINTS:%=--constraint %) 2> "$(VENV)/install.log" && \
+	  $(RUN) scripts.compilation && \
 	  touch "$(VENV)/ready" || { cat "$(VENV)/install.log"; exit 1; }; \
 	fi
 

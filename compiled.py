@@ -5,8 +5,11 @@ from __future__ import annotations
 import ast
 import hashlib
 import os
+import pickle
+import warnings
 from collections import namedtuple
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
@@ -14,7 +17,7 @@ from types import FunctionType
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core.caching import _CacheLocator
+from numba.core.caching import FunctionCache, _CacheLocator
 from numba.core.types import unliteral
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -68,10 +71,11 @@ def _digest() -> str:
     if known.exists():
         return known.read_text()
     digest = code_digest([source.decode() for source in sources])
-    known.parent.mkdir(parents=True, exist_ok=True)
-    partial = known.with_suffix(f".{os.getpid()}")
-    partial.write_text(digest)
-    partial.replace(known)
+    with suppress(OSError):  # `KeptCode` warns
+        known.parent.mkdir(parents=True, exist_ok=True)
+        partial = known.with_suffix(f".{os.getpid()}")
+        partial.write_text(digest)
+        partial.replace(known)
     return digest
 
 
@@ -110,11 +114,51 @@ _OTHERS = "UserProvidedCacheLocator,InTreeCacheLocator,UserWideCacheLocator,IPyt
 numba.config.CACHE_LOCATOR_CLASSES = f"compiled.CodeLocator,{_OTHERS}"  # type: ignore[attr-defined]
 
 
+class KeptCode(FunctionCache):  # type: ignore[misc]
+    """The kept code of a function. What cannot be read or written is compiled again, with a warning."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Returns the code for a signature, or None."""
+        try:
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        except Exception as error:  # a damaged file can raise anything
+            _warn(error)
+            with suppress(OSError):
+                self.flush()  # type: ignore[no-untyped-call]
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keeps the code for a signature, where that is possible."""
+        try:
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+        except (OSError, EOFError, pickle.PickleError) as error:
+            _warn(error)
+
+
+def _warn(error: Exception) -> None:
+    _warn_of(f"{type(error).__name__}: {error}")
+
+
+@cache  # a text is shown once
+def _warn_of(text: str) -> None:
+    warnings.warn(f"{KEPT}: {text}; what is not kept is compiled again, a minute", RuntimeWarning, stacklevel=4)
+
+
+def is_kept(function: Callable[..., Any]) -> bool:
+    """Returns whether code of a compiled function is kept for this version of Python."""
+    cache = getattr(function, "_cache", None)
+    return not isinstance(cache, KeptCode) or Path(cache.cache_path, cache._cache_file._index_name).exists()
+
+
 def _compiled(function: F, **options: Any) -> F:
     """Returns the function compiled by numba: one version for a type, where numba makes another for each literal."""
-    found: Any = numba.njit(cache=True, error_model="numpy", **options)(function)
+    found: Any = numba.njit(error_model="numpy", **options)(function)
     if not hasattr(found, "get_call_template"):  # by NUMBA_DISABLE_JIT
         return function
+    try:
+        found._cache = KeptCode(function)  # type: ignore[no-untyped-call]
+    except OSError as error:
+        _warn(error)
     for_types = found.get_call_template
     found.get_call_template = lambda types, kws: for_types([unliteral(t) for t in types], kws)  # type: ignore[no-untyped-call]
     return cast(F, found)

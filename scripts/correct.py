@@ -24,6 +24,7 @@ from scripts.command_line import (
     path_option,
     read_scenario,
 )
+from scripts.compilation import compile_loop
 
 if TYPE_CHECKING:
     from experiments.corrections import CorrectionPlan, StuckTrial
@@ -176,6 +177,7 @@ def practise(
     from interfaces.reports.result_tables import query_state_table
     from interfaces.terminal import progress, say, show
 
+    compile_loop(scenario, skill)
     results, stuck = [], []
     with progress(f"round {number}: practice", plan.trials) as advance:
         for result, query_state in run_practice(scenario, skill, plan.numbers(number), jobs=jobs):

@@ -21,6 +21,7 @@ from scripts.command_line import (
     read_scenario,
     trial_numbers,
 )
+from scripts.compilation import begin_trial
 from scripts.correct import correct_simulated
 from scripts.record import record
 from scripts.train import train
@@ -114,7 +115,6 @@ def main(
                 if performed_in == "exact":
                     with busy("compiling the loop of the trials, once on this machine"):
                         beside.join()
-                        compile_loop(skill_file, scenario)
                 plan = CorrectionPlan(rounds=1, trials=PRACTICE_TRIALS, most=CORRECTIONS, seed=seed)
                 files = (skill_file, recorded, out / "corrections", skill_file)
                 correct_simulated(*files, plan, scenario=scenario, engine=performed_in, jobs=jobs, overwrite=True)
@@ -153,21 +153,11 @@ def compile_beside(scenario: str, parent: int) -> None:
     from contextlib import suppress
 
     from experiments.worker_pool import watch_parent
+    from skill.manipulation_skill import ManipulationSkill
 
     watch_parent(parent)
     with suppress(ValueError):  # the skill is for another part; the loop is compiled with the new one
-        compile_loop(SHIPPED, scenario)
-
-
-def compile_loop(skill_file: Path, scenario: str) -> None:
-    """Performs the beginning of a trial, so that the loop is compiled before several processes need it."""
-    from experiments.trial.run_trial import run_trial
-    from experiments.trial.trial_set import trial_scenario
-    from skill.manipulation_skill import ManipulationSkill
-
-    chosen = read_scenario(scenario, "exact")
-    chosen.trial.time_limit = 0.05
-    run_trial(trial_scenario(chosen, number=0), ManipulationSkill.load(skill_file), seed=0)
+        begin_trial(read_scenario(scenario, "exact"), ManipulationSkill.load(SHIPPED))
 
 
 def starting_tilt(recording: Path) -> float:

@@ -19,6 +19,7 @@ from scripts.command_line import (
     read_scenario,
     trial_numbers,
 )
+from scripts.compilation import compile_loop
 
 if TYPE_CHECKING:
     from experiments.outputs.output_set import OutputSet
@@ -130,6 +131,7 @@ def main(
         with open_set(work, index, overwrite=False) as files:
             if files.finished:
                 say(f"{len(files.finished)} of {len(index.items)} trials are there already")
+            compile_loop(chosen, first)
             done = []
             with progress("practice", practice.n_trials) as advance:
                 for r in improve(chosen, first, practice, perform=kept_trials(files, jobs, advance)):

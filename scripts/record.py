@@ -26,6 +26,7 @@ from scripts.command_line import (
     path_option,
     read_scenario,
 )
+from scripts.compilation import compile_contact
 
 if TYPE_CHECKING:
     from experiments.self_test import HeldPace
@@ -132,13 +133,11 @@ def record(
     """
     from functools import partial
 
-    import numpy as np
-
     from experiments.demonstration_set import demonstrate_all, requests
     from experiments.outputs.output_checks import RECORDING_SIZE, REPORT_SIZE, check_folder
     from experiments.outputs.output_set import DEMONSTRATIONS, SetIndex, open_set
     from experiments.provenance import versions
-    from interfaces.terminal import busy, progress, say
+    from interfaces.terminal import progress, say
     from models.scenario import dump_scenario
     from skill.data.demonstration import Demonstration, write_demonstration
     from skill.figures.demonstration_figure import plot_set
@@ -159,10 +158,7 @@ def record(
             say(f"{len(files.finished)} of {len(requested)} demonstrations are there already")
         done: dict[str, Demonstration] = dict(files.finished)
         missing = [request for name, request in requested.items() if name not in done]
-        if missing:
-            with busy("compiling the exact contact, once on this machine"):  # before each process does
-                chosen.geometry.assembly.gap(np.zeros((1, 3)), np.eye(3)[None])
-                chosen.geometry.assembly.label(np.zeros((1, 3)), np.eye(3)[None])
+        compile_contact(chosen.geometry)
         with progress("demonstrations", len(missing)) as advance:
             for request, demonstration in demonstrate_all(chosen, missing, seed=seed, jobs=jobs):
                 files.write(request.file_name, partial(write_demonstration, demonstration))

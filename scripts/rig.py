@@ -22,6 +22,7 @@ from scripts.command_line import (
     read_scenario,
     trial_numbers,
 )
+from scripts.compilation import compile_loop
 
 if TYPE_CHECKING:
     from experiments.outputs.output_set import OutputSet, SetIndex
@@ -120,6 +121,8 @@ def main(
         missing = [number for number in numbers if number not in done]
         for number in missing:  # all are checked before the first is performed
             trial_scenario(chosen, number=number, trial_set=TrialSet(trials_of))
+        if missing:
+            compile_loop(chosen, policy)
         with progress("rig trials", len(missing)) as advance:
             for result, record in run_trials(chosen, policy, missing, jobs=jobs, trial_set=TrialSet(trials_of)):
                 runs.write(RUN.format(result.seed), partial(write_rig_run, record))

@@ -20,7 +20,7 @@ FLOORS = {  # each floor, and the floors that it may import from
     "systems": {"compiled", "models", "skill"},
     "experiments": {"compiled", "models", "skill", "systems"},
     "interfaces": {"models", "skill", "systems", "experiments"},
-    "scripts": {"models", "skill", "systems", "experiments", "interfaces"},
+    "scripts": {"compiled", "models", "skill", "systems", "experiments", "interfaces"},
     "haptic_skill": {"scripts"},
     "benchmarks": {"models", "skill", "systems", "experiments", "interfaces", "scripts"},
 }
