@@ -19,7 +19,9 @@ def compile_contact(geometry: Geometry) -> None:
     from models.exact_geometry import contact_labels
 
     pose = np.zeros((1, 3)), np.eye(3)[None]
-    _announced(contact_labels, lambda: (geometry.assembly.gap(*pose), geometry.assembly.label(*pose)))
+    _announced(
+        "the exact contact", contact_labels, lambda: (geometry.assembly.gap(*pose), geometry.assembly.label(*pose))
+    )
 
 
 def compile_loop(scenario: Scenario, policy: RigPolicy) -> None:
@@ -28,7 +30,7 @@ def compile_loop(scenario: Scenario, policy: RigPolicy) -> None:
     from systems.rollout import perform
 
     if scenario.carrier == RIG and scenario.contact.engine == "exact":
-        _announced(perform, lambda: begin_trial(scenario, policy))
+        _announced("the loop of trials", perform, lambda: begin_trial(scenario, policy))
 
 
 def begin_trial(scenario: Scenario, policy: RigPolicy) -> None:
@@ -56,16 +58,16 @@ def compile_peg() -> None:
         with suppress(ValueError):  # too short for a demonstration
             run_demonstration(resolve_scenario(chosen, seed=0, stream=DEMONSTRATION_STREAM))
 
-    _announced(advance_peg, begin)
+    _announced("the peg of demonstrations", advance_peg, begin)
 
 
-def _announced(function: Callable[..., Any], begin: Callable[[], object]) -> None:
+def _announced(name: str, function: Callable[..., Any], begin: Callable[[], object]) -> None:
     """Begins what calls a compiled function, if the function is not kept."""
     from compiled import is_kept
     from interfaces.terminal import busy, say
 
     if not is_kept(function):
-        say("compiling once on this machine: less than a minute")
+        say(f"compiling {name}, once on this machine")
         with busy("compiling"):
             begin()
 
