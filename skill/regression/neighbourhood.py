@@ -177,7 +177,7 @@ def smallest(values: Array, k: int) -> Rows:
     places = places[:count]
     near = values[places]
     limit = selected(near.copy(), k - 1)
-    found, number = np.empty(k, np.int64), 0
+    found, number = np.arange(k), 0  # of NaN none is the smallest: places that exist
     for i in range(count):
         if near[i] < limit:
             found[number] = places[i]

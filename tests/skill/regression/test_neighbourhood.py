@@ -82,3 +82,8 @@ def test_the_smallest_values_are_those_of_a_stable_sort(n, k):
 def test_a_selected_value_is_that_of_a_sort(values, k):
     k = min(k, len(values) - 1)
     assert selected(np.array(values, dtype=float), k) == sorted(values)[k]
+
+
+@pytest.mark.parametrize("n", [7, 20, 1000])
+def test_of_numbers_that_are_none_the_smallest_are_places_that_exist(n):
+    assert set(smallest(np.full(n, np.nan), 7)) <= set(range(n))
